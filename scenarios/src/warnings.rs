@@ -96,12 +96,12 @@ fn are_separated(scenario: &Scenario) -> bool {
         return false;
     }
     let areas = Areas::of(&scenario.terrain);
-    let areas_of = |faction| -> BTreeSet<u32> {
+    let areas_of = |faction| -> Vec<u32> {
         let units = scenario.units.iter().filter(|unit| unit.faction == faction);
         units.filter_map(|unit| areas.at(square_of(unit))).collect()
     };
     let (agents, enemies) = (areas_of(Faction::Ally), areas_of(Faction::Enemy));
-    !agents.is_empty() && !enemies.is_empty() && agents.is_disjoint(&enemies)
+    !agents.is_empty() && !enemies.is_empty() && !agents.iter().any(|area| enemies.contains(area))
 }
 
 fn is_on_ground(scenario: &Scenario, unit: &Placement) -> bool {

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import base64
 import gzip
 import json
 import re
+import zlib
+from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -49,6 +52,11 @@ class Playground:
     def text(self, selector: str) -> str:
         return str(self.page.inner_text(selector))
 
+    @property
+    def said(self) -> str:
+        """The line above the map, while there is one."""
+        return self.text("#note") if self.page.is_visible("#note") else ""
+
     def press(self, key: str) -> None:
         self.page.keyboard.press(key)
 
@@ -70,6 +78,9 @@ class Playground:
     def wait_for_text(self, selector: str, text: str) -> None:
         self.wait(lambda: self.text(selector) == text)
 
+    def wait_for_value(self, selector: str, value: str) -> None:
+        self.wait(lambda: self.page.input_value(selector) == value)
+
     def wait_for_step(self, step: int) -> None:
         """Until the battle has been played to this step, whichever is shown."""
         self.wait(lambda: self.last >= step)
@@ -82,6 +93,31 @@ class Playground:
             return self.text("#result").split(",")[0] in {"Won", "Lost"}
 
         self.wait(is_over)
+
+    def position_of(self, agent: int) -> tuple[float, float]:
+        self.press("Escape")
+        self.press(str(agent))
+        self.wait(lambda: "Position" in self.text("#unit"))
+        x, y = map(float, self.text("#unit").split("Position\n")[1].split("\n")[0].split(", "))
+        return x, y
+
+    def share(self) -> tuple[str, dict[str, Any]]:
+        """The link to the battle, and the changed scenario that is in it."""
+        self.page.evaluate("history.replaceState(null, '', '#')")
+        self.page.click("#share")
+        self.wait(lambda: "file=" in self.page.url)
+        link = self.page.url.split("#")[1]
+        packed = link.split("file=")[1].split("&")[0]
+        text = zlib.decompress(base64.urlsafe_b64decode(packed + "=" * (-len(packed) % 4)), wbits=-15)
+        return link, json.loads(text)
+
+    def drag(self, *points: tuple[float, float]) -> None:
+        """Drags the mouse from point to point of the map."""
+        self.page.mouse.move(*self.at(*points[0]))
+        self.page.mouse.down()
+        for point in points[1:]:
+            self.page.mouse.move(*self.at(*point))
+        self.page.mouse.up()
 
     def at(self, x: float, y: float) -> tuple[float, float]:
         """Where a point of a map of 32 x 32 squares is in the window, if all of it is shown."""
@@ -193,14 +229,7 @@ def test_a_unit_is_dragged_elsewhere_at_the_start(browser: Any) -> None:
         page.press("Home")
         page.press("m")
         page.wait(lambda: page.step == 0)
-        page.press("0")
-        page.wait(lambda: "Position" in page.text("#unit"))
-        x, y = map(float, page.text("#unit").split("Position\n")[1].split("\n")[0].split(", "))
-        mouse = page.page.mouse
-        mouse.move(*page.at(x, y))
-        mouse.down()
-        mouse.move(*page.at(12, 18), steps=4)
-        mouse.up()
+        page.drag(page.position_of(0), (11, 17), (12, 18))
         page.press("0")
         page.wait(lambda: re.search(r"Position\n1[12]\.[019]\d, 1[78]\.[019]", page.text("#unit")))
         page.wait_until_played()
@@ -212,6 +241,134 @@ def test_a_unit_is_dragged_elsewhere_at_the_start(browser: Any) -> None:
         last = page.last
     with Playground(browser, link) as page:
         assert page.last == last
+
+
+def test_a_battle_that_never_ends_is_played_a_bounded_time_ahead(browser: Any, tmp_path: Path) -> None:
+    """It was played on and on, also while it was paused, until the memory of the tab was full."""
+    scenario = json.loads((REPOSITORY / "scenarios/data/3m.json").read_text())
+    del scenario["episode_limit"]
+    scenario["num_allied_units"] = scenario["num_enemy_units"] = 1
+    scenario["groups"] = [
+        {"x": 9, "y": 16, "faction": "ALLY", "units": {"MEDIVAC": 1}},
+        {"x": 23, "y": 16, "faction": "ENEMY", "units": {"ZEALOT": 1}},
+    ]
+    file = tmp_path / "endless.json"
+    file.write_text(json.dumps(scenario))
+    with Playground(browser) as page:
+        page.page.set_input_files("#files", file)
+        page.wait(lambda: page.page.input_value("#scenario").startswith("{"))
+        page.press(" ")
+        page.press("Home")
+        page.wait_for_step(240)
+        page.page.wait_for_timeout(500)
+        first = page.last
+        assert first <= 240 + 12, "it waits for whoever watches"
+        page.press("End")
+        page.wait_for_step(first + 240)
+        assert page.text("#result") == "Paused"
+
+
+def blocked(scenario: dict[str, Any]) -> set[tuple[int, int]]:
+    rows = enumerate(scenario["terrain"])
+    return {(x, y) for y, row in rows for x, square in enumerate(row) if square == "X"}
+
+
+def test_the_map_is_painted_by_mouse_and_shared(browser: Any) -> None:
+    with Playground(browser, "scenario=3m&seed=4") as page:
+        page.wait_until_played()
+        before = page.last
+        page.page.click("#paint")
+        page.wait(lambda: page.step == 0)
+        # From wall to wall, through squares that no event of the mouse names, and then a gap in the north.
+        page.drag((14.5, 8.5), (16.5, 15.5), (14.5, 23.5))
+        page.wait(lambda: "no path connects the agents with the enemies" in page.said)
+        page.page.click("[data-tool=erase]")
+        page.page.click("[data-size='1']")
+        page.drag((15.5, 19.5), (15.5, 20.5))
+        assert page.said == ""
+        page.press("Escape")
+        assert not page.page.is_visible("#brush")
+        page.wait_until_played()
+        assert page.last != before
+        assert page.page.input_value("#team") == "3m", "its team plays on"
+        link, scenario = page.share()
+        last = page.last
+    walls = blocked(scenario)
+    assert "terrain_preset" not in scenario
+    assert {(14, 8), (15, 12), (16, 15), (14, 23)} <= walls
+    assert not {(15, 19), (15, 20), (15, 21), (16, 20), (9, 16), (23, 16)} & walls
+    with Playground(browser, link) as page:
+        page.wait_until_played()
+        assert page.last == last
+        assert blocked(page.share()[1]) == walls
+
+
+def test_strokes_are_undone_and_what_cannot_be_played_is_refused(browser: Any) -> None:
+    with Playground(browser, "scenario=3m&seed=4") as page:
+        page.press("m")
+        page.press("p")
+        page.drag((3.5, 9.5), (3.5, 14.5))
+        _, once = page.share()
+        for _ in range(16):
+            page.press("]")
+        assert page.text("#size") == "15"
+        page.drag((9.5, 12.5), (9.5, 20.5))
+        page.wait(lambda: "on a blocked square that it may never leave" in page.said)
+        page.press("Control+z")
+        page.wait(lambda: page.share()[1] == once)
+        page.press("p")
+        page.drag(page.position_of(0), (-0.4, 16))
+        page.wait(lambda: page.page.is_visible("#message"))
+        assert page.share()[1] == once, "what is played stays"
+        page.press("p")
+        page.press("Control+z")
+        page.wait(lambda: page.page.input_value("#scenario") == "3m")
+        assert not page.page.is_visible("#message")
+        assert page.page.is_disabled("#undo")
+
+
+def test_the_map_is_painted_by_keys(browser: Any) -> None:
+    with Playground(browser, "scenario=3m&seed=4") as page:
+        page.page.focus("#paint")
+        page.press("Enter")
+        for key in ("Shift+ArrowUp", "Enter", "ArrowUp", "Enter", "ArrowRight", "Enter", "e", "Enter"):
+            page.press(key)
+        assert {(16, 21), (16, 22)} <= (walls := blocked(page.share()[1]))
+        assert (17, 22) not in walls
+        page.page.focus("#battle")
+        page.press("Tab")
+        assert page.page.evaluate("document.activeElement.dataset.tool") == "brush"
+        page.press(" ")
+        assert page.page.get_attribute("[data-tool=brush]", "aria-pressed") == "true"
+        page.page.focus("#battle")
+        page.press(" ")
+        page.wait(lambda: page.step >= 1)
+        assert not page.page.is_visible("#brush"), "who plays paints no more"
+
+
+def test_the_map_is_painted_by_touch_on_a_phone(browser: Any) -> None:
+    with Playground(browser, "scenario=3m&seed=4", color_scheme="light", **PHONE) as page:
+        page.page.tap("#paint")
+        assert page.page.evaluate("document.documentElement.scrollWidth") <= 390
+        touch = page.context.new_cdp_session(page.page)
+
+        def send(kind: str, *points: tuple[float, float]) -> None:
+            places = [dict(zip("xy", page.at(*point), strict=True)) for point in points]
+            touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": places})
+
+        page.page.touchscreen.tap(*page.at(4.5, 20.5))
+        send("touchStart", (15.5, 10.5))
+        send("touchMove", (15.5, 14.5))
+        send("touchMove", (15.5, 18.5))
+        send("touchEnd")
+        walls = blocked(page.share()[1])
+        assert {(4, 20), *((15, y) for y in range(10, 19))} <= walls
+        # Two fingers move the map, and what one of them has begun to draw is forgotten.
+        send("touchStart", (20.5, 10.5))
+        send("touchMove", (20.5, 14.5))
+        send("touchStart", (20.5, 14.5), (24.5, 14.5))
+        send("touchEnd")
+        assert blocked(page.share()[1]) == walls
 
 
 def test_a_link_has_the_battle_of_a_person(browser: Any) -> None:
@@ -228,9 +385,66 @@ def test_a_link_has_the_battle_of_a_person(browser: Any) -> None:
     with Playground(browser, link) as page:
         assert (page.text("#name"), page.page.input_value("#seed"), page.last) == ("3m", "4", last)
         assert "you play 1 of 3" in page.text("#result")
-    with Playground(browser, "scenario=3m&seed=4&team=nobody") as page:
-        assert "no team is called so" in page.text("#message")
+    with Playground(browser, "scenario=3n&seed=4") as page:
+        assert "did you mean `3m`?" in page.text("#message")
         assert page.text("#name") == "2s3z"
+
+
+def test_a_link_of_a_team_that_was_dropped_on_another_page_has_its_battle(browser: Any) -> None:
+    """The engine refused the team, although the link has all actions."""
+    zoo = REPOSITORY / "bindings/learn/zoo/3m"
+    with Playground(browser, "scenario=3m&seed=4") as page:
+        page.page.set_input_files("#files", [zoo / "run.json", zoo / "best.safetensors"])
+        page.wait(lambda: "seed" in page.page.input_value("#team"))
+        page.wait_until_played()
+        page.page.click("#share")
+        page.wait(lambda: "actions=" in page.page.url)
+        link, last, result = page.page.url.split("#")[1], page.last, page.text("#result")
+    with Playground(browser, link) as page:
+        assert not page.page.is_visible("#message")
+        assert 'no team "3m, seed' in page.text("#note") and "Nearest plays on" in page.text("#note")
+        assert page.last == last
+        page.press("End")
+        page.wait_for_text("#result", result)
+        page.page.evaluate("location.hash = 'scenario=8m&team=nobody'")
+        page.wait_for_text("#name", "8m")
+        assert 'no team "nobody"' in page.text("#note")
+
+
+def test_a_new_battle_after_a_replay_is_one_of_its_scenario(browser: Any, tmp_path: Path) -> None:
+    """It was one of the standard scenario of the same name, and the choice of the map was blank."""
+    scenario = json.loads((REPOSITORY / "scenarios/data/3m.json").read_text())
+    scenario["groups"][0]["y"] = 20
+    file, saved = tmp_path / "changed.json", tmp_path / "changed.smreplay"
+    file.write_text(json.dumps(scenario))
+    with Playground(browser) as page:
+        page.page.set_input_files("#files", file)
+        page.wait(lambda: page.page.input_value("#scenario").startswith("{"))
+        page.wait_until_played()
+        with page.page.expect_download() as download:
+            page.press("Control+s")
+        download.value.save_as(saved)
+    with Playground(browser) as page:
+        page.page.set_input_files("#files", saved)
+        page.wait(lambda: "verified" in page.text("#note"))
+        assert json.loads(page.page.input_value("#scenario")) == scenario
+        for seed in ("2", "3"):
+            page.page.click("#again")
+            page.wait_for_value("#seed", seed)
+            assert json.loads(page.page.input_value("#scenario")) == scenario
+        page.page.select_option("#opponent", "kite")
+        assert not page.page.is_visible("#message")
+
+
+def test_the_types_of_a_generated_battle_are_those_that_are_shown(browser: Any) -> None:
+    """What was selected was counted by the sample of the scenario, in which all are marines."""
+    with Playground(browser, "scenario=terran_5_vs_5&seed=3") as page:
+        page.press("Control+a")
+        chips = page.page.locator("#roster0 .chip").evaluate_all("all => all.map((chip) => chip.title)")
+        counts = Counter(str(title).split(",")[0].lower() for title in chips)
+        assert len(counts) > 1
+        units = ", ".join(f"{count} {name}" for name, count in counts.items())
+        page.wait(lambda: page.text("#unit") == f"5 units: {units}.")
 
 
 def test_files_are_opened(browser: Any, tmp_path: Path) -> None:

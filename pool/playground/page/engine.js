@@ -31,16 +31,28 @@ export class Engine {
    * @returns {Extract<Response, { type: T }>}
    */
   request(request) {
-    const { exports } = this,
-      text = new TextEncoder().encode(JSON.stringify(request)),
-      at = exports.request(text.length);
-    // The memory may have grown, and then its old buffer is gone.
-    new Uint8Array(exports.memory.buffer, at, text.length).set(text);
-    const length = exports.respond();
-    const bytes = new Uint8Array(exports.memory.buffer, exports.response(), length);
     /** @type {Outcome} */
-    const outcome = JSON.parse(new TextDecoder().decode(bytes));
+    const outcome = JSON.parse(this.respond(JSON.stringify(request)));
     if ("error" in outcome) throw new Error(outcome.error);
     return /** @type {any} */ (outcome.response);
+  }
+
+  /**
+   * @param {string} request
+   * @returns {string} its response
+   */
+  respond(request) {
+    const { exports } = this,
+      text = new TextEncoder().encode(request);
+    try {
+      const at = exports.request(text.length);
+      // The memory may have grown, and then its old buffer is gone.
+      new Uint8Array(exports.memory.buffer, at, text.length).set(text);
+      const length = exports.respond();
+      return new TextDecoder().decode(new Uint8Array(exports.memory.buffer, exports.response(), length));
+    } catch (cause) {
+      // A panic or a lack of memory: what was under way stays so, and every later request fails too.
+      throw new Error("the engine has stopped; reload the page", { cause });
+    }
   }
 }

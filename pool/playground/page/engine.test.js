@@ -28,12 +28,12 @@ test("recorded battles are played to the bit, tick by tick", { skip }, async (t)
   for (const name of names) {
     // It is an error if a checksum, which covers all units after every tick, differs.
     const { episodes } = engine.request({ type: "open_replay", name, replay: goldenText(name) });
-    const [{ actions, checksum, steps }] = episodes;
+    const [{ checksum, steps }] = episodes;
     const { played } = engine.request({
       type: "begin_battle",
       of: { kind: "episode", episode: 0 },
       team: "nearest",
-      actions,
+      actions: null,
       taken: [],
     });
     assert.equal(played.steps, steps, name);
@@ -100,6 +100,17 @@ test("a request that is refused says why, and the battle goes on", { skip }, asy
   begin("3m");
   assert.throws(() => engine.request({ type: "take_agents", agents: [3] }), /agent must be below 3, got 3/);
   assert.equal(engine.request({ type: "play_steps", steps: 1 }).steps, 1);
+});
+
+test("a person reads that the engine has stopped, not that it met something unreachable", () => {
+  const memory = new WebAssembly.Memory({ initial: 1 });
+  const respond = () => {
+    throw new WebAssembly.RuntimeError("unreachable");
+  };
+  const engine = new Engine({ memory, request: () => 0, respond, response: () => 0 });
+  assert.throws(() => engine.request({ type: "get_choices" }), {
+    message: "the engine has stopped; reload the page",
+  });
 });
 
 test("the page is small", { skip }, (t) => {

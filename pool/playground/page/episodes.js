@@ -12,8 +12,6 @@ export class EpisodeList {
   /** @param {(episode: number) => void} open */
   constructor(open) {
     this.open = open;
-    /** @type {EpisodeInfo[]} */
-    this.list = [];
   }
 
   clear() {
@@ -36,7 +34,6 @@ export class EpisodeList {
 
   /** @param {EpisodeInfo[]} episodes */
   show(episodes) {
-    this.list = episodes;
     byId("episodes").hidden = !episodes.length;
     byId("episodes")
       .querySelector("ol")

@@ -5,7 +5,8 @@ import { titleCase } from "#view/battle.js";
 import { byId, make } from "#view/dom.js";
 import { RESULTS } from "#view/player.js";
 
-/** @import { BegunBattle, EpisodeResult } from "./protocol.d.ts" */
+/** @import { EpisodeResult } from "#view/data.d.ts" */
+/** @import { BegunBattle } from "./protocol.d.ts" */
 /**
  * What the headline says of a battle.
  * @typedef {object} Described
@@ -37,6 +38,7 @@ export class Headline {
     byId("result").textContent = STATES[state] + own;
     byId("result").className = `badge ${isAtEnd ? state : taken.size ? "yours" : ""}`;
     byId("save").disabled = steps === 0;
+    byId("again").disabled = !begun.is_playable;
     const facts = {
       enemies: titleCase(begun.opponent),
       seed: begun.seed,

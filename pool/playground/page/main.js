@@ -2,6 +2,7 @@
 // The page of the playground: starts the engine that is inside the page, with the teams that are there too, and
 // begins the battle of the link.
 
+import { titleCase } from "#view/battle.js";
 import { byId } from "#view/dom.js";
 import { theme } from "#view/theme.js";
 import { inflate } from "#view/track.js";
@@ -11,7 +12,6 @@ import { listenToFiles } from "./files.js";
 import { base64, battleOf } from "./link.js";
 import { Playground } from "./playground.js";
 
-/** @import { SharedBattle } from "./link.js" */
 /** @import { TeamFiles } from "./protocol.d.ts" */
 /**
  * What is in the page: the engine's code, compressed by deflate, in base64; and teams.
@@ -28,28 +28,35 @@ const GUIDES = {
 };
 
 /**
- * A battle as the engine begins it. If no team is named, one plays that was trained on the map.
- * @param {SharedBattle} battle
- * @param {TeamFiles[]} teams
+ * The battle of the address, as the engine begins it. If the link names no team, one plays that was trained on
+ * the map; the team of a link may have been added to another page, and then a script plays on.
+ * @param {Engine} engine
+ * @param {string} link
  */
-function withSource(battle, teams) {
-  const { scenario, seed, opponent } = battle;
-  const team = battle.team || (teams.find(({ name }) => name === scenario)?.name ?? DEFAULT_TEAM);
-  return { ...battle, team, source: /** @type {const} */ ({ kind: "scenario", scenario, seed, opponent }) };
+async function battleOfLink(engine, link) {
+  const battle = await battleOf(link, FIRST),
+    { scenario, seed, opponent } = battle,
+    { teams, policies } = engine.request({ type: "get_choices" });
+  const names = [...policies, ...teams.map(({ name }) => name)];
+  const asked = battle.team || (teams.find(({ name }) => name === scenario)?.name ?? DEFAULT_TEAM),
+    team = names.includes(asked) ? asked : DEFAULT_TEAM;
+  const note =
+    team === asked ? null : `This page has no team "${asked}"; ${titleCase(team)} plays on instead.`;
+  return {
+    ...battle,
+    team,
+    note,
+    source: /** @type {const} */ ({ kind: "scenario", scenario, seed, opponent }),
+  };
 }
-
-/**
- * The battle that the address asks for.
- * @param {TeamFiles[]} teams
- */
-const battleOfAddress = async (teams) => withSource(await battleOf(location.hash.slice(1), FIRST), teams);
 
 /** @param {PageData} data */
 async function start(data) {
   const engine = await Engine.load(await inflate(data.engine));
   for (const team of data.teams) engine.request({ type: "add_team", ...team });
-  const page = await firstPage(engine, data.teams);
-  page.note(GUIDES[matchMedia("(pointer: coarse)").matches ? "touch" : "mouse"]);
+  const { page, note } = await firstPage(engine);
+  page.note(note ?? GUIDES[matchMedia("(pointer: coarse)").matches ? "touch" : "mouse"]);
+  page.warn();
   listenToFiles({
     replay: (name, bytes) => page.openReplay(name, bytes),
     scenario: (scenario) => page.choose({ ...page.shared, scenario, team: DEFAULT_TEAM, opponent: "" }),
@@ -68,8 +75,9 @@ async function start(data) {
   });
   addEventListener("hashchange", async () => {
     try {
-      const { source, team, actions, taken } = await battleOfAddress(data.teams);
+      const { source, team, actions, taken, note } = await battleOfLink(engine, location.hash.slice(1));
       page.begin(source, team, actions, taken);
+      if (note) page.note(note);
     } catch (error) {
       page.fail(error);
     }
@@ -79,22 +87,23 @@ async function start(data) {
 /**
  * The page with the battle of its address, or if that is refused, with the first one and the reason.
  * @param {Engine} engine
- * @param {TeamFiles[]} teams
  */
-async function firstPage(engine, teams) {
-  /** @param {ReturnType<typeof withSource>} battle */
-  const open = ({ source, team, actions, taken }) => {
+async function firstPage(engine) {
+  /** @param {string} link */
+  const open = async (link) => {
+    const { source, team, actions, taken, note } = await battleOfLink(engine, link);
     const begun = engine.request({ type: "begin_battle", of: source, team, actions, taken });
     const page = new Playground(engine, source, team, begun);
     page.start(taken);
-    return page;
+    return { page, note };
   };
   try {
-    return open(await battleOfAddress(teams));
+    return await open(location.hash.slice(1));
   } catch (error) {
-    const page = open(withSource(FIRST, teams));
-    page.fail(new Error(`The battle of this link cannot be played: ${/** @type {Error} */ (error).message}`));
-    return page;
+    const first = await open("");
+    const { message } = /** @type {Error} */ (error);
+    first.page.fail(new Error(`The battle of this link cannot be played: ${message}`));
+    return first;
   }
 }
 

@@ -10,19 +10,22 @@ import { TICKS_PER_SECOND, TICKS_PER_STEP } from "#view/transport.js";
 import { ChoiceBar, DEFAULT_TEAM } from "./choices.js";
 import { EpisodeList } from "./episodes.js";
 import { Headline } from "./headline.js";
+import { Mover } from "./mover.js";
+import { Painter } from "./painter.js";
 import { PlaygroundView } from "./playground_view.js";
-import { save, share } from "./share.js";
+import { save, share, sharedOf } from "./share.js";
 
-/** @import { AgentOrder, ScenarioInfo } from "#view/data.d.ts" */
-/** @import { Rectangle } from "#view/selection.js" */
+/** @import { AgentOrder, EpisodeResult, ScenarioInfo } from "#view/data.d.ts" */
 /** @import { Engine } from "./engine.js" */
 /** @import { SharedBattle } from "./link.js" */
-/** @import { BegunBattle, EpisodeResult, PlayedSteps, Source } from "./protocol.d.ts" */
+/** @import { BegunBattle, PlayedSteps, Source } from "./protocol.d.ts" */
 
 /** Seconds before the end of a step is shown, when the next one is played. */
 const LEAD = 0.06;
 /** Steps that are played between two pictures, if nobody waits for them. */
 const AHEAD = 12;
+/** Ticks by which the battle is played ahead of what is shown, so that one without an end fills no memory. */
+const FARTHEST_AHEAD = 240 * TICKS_PER_STEP;
 
 export class Playground extends Commander {
   /**
@@ -45,6 +48,8 @@ export class Playground extends Commander {
     this.result = null;
     /** Whether the team goes on where the battle ends; not in an episode of a replay, until somebody plays. */
     this.goesOn = true;
+    this.mover = new Mover(this);
+    this.painter = new Painter(this);
     this.headline = new Headline();
     this.observation = new ObservationCard(
       byId("obs"),
@@ -110,10 +115,10 @@ export class Playground extends Commander {
   }
 
   /**
-   * Begins another battle, after these actions. If it is refused, nothing changes.
+   * Begins another battle after actions (`null`: those recorded). If it is refused, nothing changes.
    * @param {Source} source
    * @param {string} team
-   * @param {number[]} [actions]
+   * @param {number[] | null} [actions]
    * @param {number[]} [taken]
    */
   begin(source, team, actions = [], taken = []) {
@@ -121,6 +126,7 @@ export class Playground extends Commander {
     Object.assign(this, { source, team, goesOn: source.kind === "scenario" });
     this.accept(begun, taken);
     byId("message").hidden = byId("note").hidden = true;
+    this.warn();
   }
 
   /**
@@ -131,6 +137,7 @@ export class Playground extends Commander {
   accept(begun, taken) {
     const isOther = JSON.stringify(begun.scenario) !== JSON.stringify(this.begun.scenario);
     this.begun = begun;
+    this.painter.stroke = null;
     const { wholeMap } = this.view;
     if (isOther) this.use(begun.scenario);
     this.view.wholeMap = wholeMap;
@@ -155,17 +162,12 @@ export class Playground extends Commander {
 
   /** The battle without its actions, for links and choices. */
   get shared() {
-    const { source, team, begun } = this;
-    const { scenario, opponent } =
-      source.kind === "scenario" ? source : { scenario: begun.scenario.name, opponent: begun.opponent };
-    return { scenario, seed: begun.seed, opponent, team };
+    return sharedOf(this);
   }
 
   /** @param {PlayedSteps} played */
   append(played) {
     const { step, steps, n_moments, moments, decisions } = played;
-    // The start comes alone, and then again with the first step.
-    if (step === 0) this.view.track = this.chart.track = new Track(this.begun.scenario);
     const { track } = this.view;
     track.serial = this.serial;
     track.append(bytesOf(moments), n_moments);
@@ -205,6 +207,7 @@ export class Playground extends Commander {
 
   /** A new battle. */
   again() {
+    if (!this.begun.is_playable) return;
     const seed = String(BigInt.asUintN(64, BigInt(this.begun.seed) + 1n));
     this.choose({ ...this.shared, seed });
   }
@@ -225,44 +228,30 @@ export class Playground extends Commander {
     this.redraw();
   }
 
-  /**
-   * At the start, a drag that begins on a unit moves it.
-   * @param {Rectangle | null} box
-   */
-  drawBox(box) {
-    const unit = box && this.isAtStart ? this.view.unitAt(box.x0, box.y0) : -1;
-    this.arena.dragged = box && unit >= 0 ? { unit, at: { x: box.x1, y: box.y1 } } : null;
-    super.drawBox(unit >= 0 ? null : box);
+  handlers() {
+    const own = super.handlers();
+    return { ...own, ...(this.painter.isOn ? this.painter.handlers() : this.mover.handlers(own)) };
   }
 
-  /** Whether units can be moved: before the first step of a battle of a scenario. */
+  /** Whether the scenario can be changed: before the first step, if it is no episode of a replay. */
   get isAtStart() {
     return this.source.kind === "scenario" && !this.clock.playing && this.clock.time === 0;
   }
 
   /**
-   * @param {Rectangle | null} box
-   * @param {boolean} add
+   * Begins the battle anew with another text of its scenario; says whether that was possible.
+   * @param {() => string} changed
    */
-  boxed(box, add) {
-    const { dragged } = this.arena;
-    if (!box || !dragged) return super.boxed(box, add);
-    this.drawBox(null);
-    this.moveUnit(dragged.unit, this.arena.placeAt(box.x1, box.y1));
-  }
-
-  /**
-   * Begins a battle in which a unit starts elsewhere.
-   * @param {number} unit
-   * @param {{ x: number, y: number }} to
-   */
-  moveUnit(unit, to) {
+  change(changed) {
+    const { seed, opponent, team } = this.shared,
+      { camera, isFitted } = this.view;
     try {
-      const { scenario } = this.engine.request({ type: "move_unit", unit, ...to });
-      const { seed, opponent, team } = this.shared;
-      this.begin({ kind: "scenario", scenario, seed, opponent }, team, [], [...this.taken]);
+      this.begin({ kind: "scenario", scenario: changed(), seed, opponent }, team, [], [...this.taken]);
+      if (!isFitted) Object.assign(this.view, { camera, isFitted });
+      return true;
     } catch (error) {
       this.fail(error);
+      return false;
     }
   }
 
@@ -298,8 +287,12 @@ export class Playground extends Commander {
   release() {
     if (!this.taken.size) return;
     const selected = new Set([...this.field.selection.units].map((unit) => this.info.units[unit].id));
-    this.cut();
-    this.take([...this.taken].filter((agent) => selected.size > 0 && !selected.has(agent)));
+    try {
+      this.cut();
+      this.take([...this.taken].filter((agent) => selected.size > 0 && !selected.has(agent)));
+    } catch (error) {
+      this.fail(error);
+    }
   }
 
   /** @param {number} [enemy] */
@@ -319,11 +312,13 @@ export class Playground extends Commander {
     super.frame(now);
     const { clock } = this,
       left = (clock.end - clock.time) / (TICKS_PER_SECOND * clock.speed);
-    if (this.isPlayedAhead) this.play(AHEAD);
+    const isFarAhead = clock.end - clock.time > FARTHEST_AHEAD;
+    if (this.isPlayedAhead && !isFarAhead) this.play(AHEAD);
     else if (this.isLive && this.goesOn && clock.playing && left < LEAD) this.play(1);
     this.forget();
     const step = Math.floor(clock.time / TICKS_PER_STEP);
     const shown = { info: this.info, unit: this.view.selected, episode: this.serial, step };
+    this.painter.update();
     this.observation.update(shown, this.begun.features, step <= this.steps);
     this.headline.update(this);
   }
@@ -340,8 +335,7 @@ export class Playground extends Commander {
 
   /** @param {number} episode */
   openEpisode(episode) {
-    const { actions } = this.episodes.list[episode];
-    this.begin({ kind: "episode", episode }, DEFAULT_TEAM, actions);
+    this.begin({ kind: "episode", episode }, DEFAULT_TEAM, null);
     this.episodes.mark(episode);
   }
 
@@ -349,6 +343,12 @@ export class Playground extends Commander {
   note(text) {
     byId("note").textContent = text;
     byId("note").hidden = false;
+  }
+
+  /** Says what is probably a mistake in the scenario, as `check` does. */
+  warn() {
+    const [first, ...others] = this.begun.warnings;
+    if (first) this.note(`Warning${others.length ? ` 1 of ${others.length + 1}` : ""}: ${first}`);
   }
 
   /** @param {unknown} error */
@@ -361,6 +361,7 @@ export class Playground extends Commander {
 
   listen() {
     super.listen();
+    this.painter.listen();
     byId("again").addEventListener("click", () => this.again());
     byId("share").addEventListener("click", () => share(this));
     byId("save").addEventListener("click", () => save(this));
@@ -372,7 +373,7 @@ export class Playground extends Commander {
   key(event) {
     // What is chosen or typed is no command.
     const isChoice = event.target instanceof HTMLElement && event.target.closest("#choices");
-    if (!isChoice) super.key(event);
+    if (!isChoice && !this.painter.key(event)) super.key(event);
   }
 
   /** @param {string} key */

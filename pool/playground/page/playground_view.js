@@ -1,11 +1,14 @@
 // @ts-check
-// PlaygroundView: the whole battle, and which agents a person has taken over.
+// PlaygroundView: the whole battle, which agents a person has taken over, and what is changed at the start.
 
 import { PlayView } from "#view/play_view.js";
+import { rectanglesOf } from "#view/squares.js";
 
 /** @import { ScenarioInfo } from "#view/data.d.ts" */
+/** @import { Square } from "#view/brush.js" */
 /** @import { Point } from "#view/camera.js" */
 /** @import { UnitState } from "#view/battle.js" */
+/** @import { EditedMap } from "#view/squares.js" */
 
 export class PlaygroundView extends PlayView {
   /**
@@ -19,6 +22,17 @@ export class PlaygroundView extends PlayView {
     this.taken = new Set();
     /** @type {{ unit: number, at: Point } | null} A unit that is dragged, and where it is on the canvas. */
     this.dragged = null;
+    /** @type {{ squares: Square[], isBlocked: boolean } | null} What the brush covers and makes of it. */
+    this.marked = null;
+  }
+
+  /**
+   * Shows a map while it is drawn on.
+   * @param {EditedMap} map
+   */
+  showMap(map) {
+    Object.assign(this, { info: { ...this.info, obstacles: rectanglesOf(map) } });
+    this.terrain.key = "";
   }
 
   /**
@@ -34,6 +48,7 @@ export class PlaygroundView extends PlayView {
   /** @param {number} time */
   draw(time) {
     super.draw(time);
+    if (this.marked) this.terrain.mark(this.marked.squares, this.marked.isBlocked);
     if (!this.dragged) return;
     const { unit, at } = this.dragged,
       { x, y } = this.states[unit],

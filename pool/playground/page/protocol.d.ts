@@ -1,12 +1,12 @@
 // Written by a test of src/protocol.rs: SMACLITE_WRITE=1 cargo test -p smaclite-playground
-import type { AgentOrder, Features, Order, ScenarioInfo } from "#view/data.d.ts";
+import type { AgentOrder, EpisodeResult, Features, Order, ScenarioInfo } from "#view/data.d.ts";
 
 export type Request = { "type": "get_choices", } | { "type": "add_team" } & TeamFiles | { "type": "open_replay", name: string, 
 /**
  * The file's text; the page decompresses it.
  */
-replay: string, } | { "type": "begin_battle" } & BeginBattle | { "type": "play_steps", steps: number, } | { "type": "give_orders", orders: Array<AgentOrder>, } | { "type": "take_agents", agents: Array<number>, } | { "type": "get_observation", step: number, agent: number, } | { "type": "get_replay", } | { "type": "move_unit", unit: number, x: number, y: number, };
-export type Response = { "type": "get_choices" } & Choices | { "type": "add_team", teams: Array<TeamInfo>, } | { "type": "open_replay" } & OpenedReplay | { "type": "begin_battle" } & BegunBattle | { "type": "play_steps" } & PlayedSteps | { "type": "give_orders", orders: Array<Order>, } | { "type": "take_agents", } | { "type": "get_observation", obs: Array<number>, } | { "type": "get_replay" } & ReplayFile | { "type": "move_unit", scenario: string, };
+replay: string, } | { "type": "begin_battle" } & BeginBattle | { "type": "play_steps", steps: number, } | { "type": "give_orders", orders: Array<AgentOrder>, } | { "type": "take_agents", agents: Array<number>, } | { "type": "get_observation", step: number, agent: number, } | { "type": "get_replay", } | { "type": "move_unit", unit: number, x: number, y: number, } | { "type": "paint_map", rows: Array<string>, };
+export type Response = { "type": "get_choices" } & Choices | { "type": "add_team", teams: Array<TeamInfo>, } | { "type": "open_replay" } & OpenedReplay | { "type": "begin_battle" } & BegunBattle | { "type": "play_steps" } & PlayedSteps | { "type": "give_orders", orders: Array<Order>, } | { "type": "take_agents", } | { "type": "get_observation", obs: Array<number>, } | { "type": "get_replay" } & ReplayFile | { "type": "move_unit", scenario: string, } | { "type": "paint_map", scenario: string, };
 export type Outcome = { "response": Response } | { "error": string };
 export type Choices = { 
 /**
@@ -45,9 +45,10 @@ export type BeginBattle = { of: Source,
  */
 team: string, 
 /**
- * The joint actions of the steps that are played at once, agent by agent.
+ * The joint actions of the steps that are played at once, agent by agent; if they are left out, all that
+ * were recorded of the episode.
  */
-actions: Array<number>, 
+actions: Array<number> | null, 
 /**
  * The agents that carry out orders.
  */
@@ -65,7 +66,11 @@ seed: string,
  * The script that plays the enemies; that of the scenario if this is empty.
  */
 opponent: string, } | { "kind": "episode", episode: number, };
-export type BegunBattle = { scenario: ScenarioInfo, features: Array<Features>, rules: string, 
+export type BegunBattle = { scenario: ScenarioInfo, features: Array<Features>, 
+/**
+ * The scenario as [`Source::Scenario`] has it, for another battle: its name if it is a standard one.
+ */
+source: string, rules: string, 
 /**
  * Who plays the enemies.
  */
@@ -73,7 +78,11 @@ opponent: string, seed: string,
 /**
  * Whether it can be played on; a battle in which actions play the enemies too is only shown.
  */
-is_playable: boolean, played: PlayedSteps, };
+is_playable: boolean, 
+/**
+ * What is probably a mistake in its scenario, if that is none of the standard ones.
+ */
+warnings: Array<string>, played: PlayedSteps, };
 export type PlayedSteps = { 
 /**
  * The first of them, and how many there are.
@@ -99,7 +108,6 @@ result: EpisodeResult | null,
  * The orders that hold after them, by agent.
  */
 orders: Array<Order>, };
-export type EpisodeResult = "won" | "lost" | "truncated";
 export type OpenedReplay = { 
 /**
  * The program that recorded it.
@@ -109,11 +117,7 @@ export type EpisodeInfo = { seed: string, steps: number, return: number, result:
 /**
  * XXH3 over the bits of all units after every tick and of every reward: 16 hexadecimal digits.
  */
-checksum: string, 
-/**
- * The joint actions of all steps.
- */
-actions: Array<number>, };
+checksum: string, };
 export type ReplayFile = { name: string, 
 /**
  * The file's text; the page compresses it by gzip.

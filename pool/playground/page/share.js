@@ -6,7 +6,7 @@ import { linkOf, through } from "./link.js";
 
 /** @import { Engine } from "./engine.js" */
 /** @import { SharedBattle } from "./link.js" */
-/** @import { Source } from "./protocol.d.ts" */
+/** @import { BegunBattle, Source } from "./protocol.d.ts" */
 /**
  * A battle, and the page that says what became of it.
  * @typedef {object} Shown
@@ -18,6 +18,19 @@ import { linkOf, through } from "./link.js";
  * @property {(text: string) => void} note
  * @property {(error: unknown) => void} fail
  */
+
+/**
+ * A battle without its actions, for links and choices.
+ * @param {{ source: Source, team: string, begun: BegunBattle }} page
+ */
+export function sharedOf({ source, team, begun }) {
+  // What plays the enemies of a replay, if no script does, cannot be asked to play.
+  const { scenario, opponent } =
+    source.kind === "scenario"
+      ? source
+      : { scenario: begun.source, opponent: begun.is_playable ? begun.opponent : "" };
+  return { scenario, seed: begun.seed, opponent, team };
+}
 
 /**
  * Copies the link to a battle.

@@ -2,16 +2,14 @@
 //! step is recorded, and encoded for the page.
 
 use crate::game::{Game, GameError};
-use crate::protocol::{EpisodeResult, PlayedSteps, ReplayFile};
+use crate::protocol::{PlayedSteps, ReplayFile};
 use crate::team::Team;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use smaclite_engine::policy::Scripted;
-use smaclite_engine::{Battle, IllegalAction, Scratch, Snapshot, Step};
+use smaclite_engine::{Battle, IllegalAction, Scratch, Snapshot};
 use smaclite_view::page::{encode_moments, encode_step};
-use smaclite_view::{
-    AgentOrder, Field, Moment, Observer, Order, OrderError, Orders, Recorder, ReplayError, SUFFIX,
-};
+use smaclite_view::{AgentOrder, Moment, Observer, Order, OrderError, Orders, Recorder, ReplayError, SUFFIX};
 use std::collections::BTreeSet;
 use std::rc::Rc;
 
@@ -47,17 +45,14 @@ pub(crate) enum BattleError {
 
 /// A battle, as far as it was played.
 pub(crate) struct PlayedBattle {
-    game: Rc<Game>,
+    game: Game,
     player: Player,
     taken: BTreeSet<usize>,
     orders: Orders,
     recorder: Recorder,
     observer: Observer,
-    /// The joint actions of all steps.
-    actions: Vec<u16>,
     /// The states before all steps, and now.
     states: Vec<Snapshot>,
-    newest: Option<Step>,
 }
 
 /// What is to be encoded of some steps.
@@ -68,21 +63,22 @@ struct Seen {
 }
 
 impl PlayedBattle {
-    /// The battle at its start.
-    pub fn new(game: Rc<Game>, player: Player) -> Result<PlayedBattle, BattleError> {
-        let recorder = game.recorder()?;
-        let observer = Observer::new(&game.scenario, recorder.battle());
-        Ok(PlayedBattle {
+    /// The battle that begins with the state of a recorder without a step.
+    pub fn new(game: Game, recorder: Recorder, player: Player) -> PlayedBattle {
+        PlayedBattle {
             player,
             taken: BTreeSet::new(),
-            orders: Orders::new(game.agents.len()),
+            orders: Orders::new(&game.scenario),
             states: vec![recorder.battle().save()],
+            observer: Observer::new(&game.scenario, recorder.battle()),
             recorder,
-            observer,
-            actions: Vec::new(),
-            newest: None,
             game,
-        })
+        }
+    }
+
+    /// What it is played with.
+    pub fn game(&self) -> &Game {
+        &self.game
     }
 
     /// Number of steps that were played.
@@ -92,32 +88,34 @@ impl PlayedBattle {
 
     /// Lets these agents carry out orders, and no others.
     pub fn take(&mut self, agents: &[usize]) -> Result<(), BattleError> {
-        let n_agents = self.game.agents.len();
+        let n_agents = self.game.arena.sizes().n_agents;
         if let Some(&agent) = agents.iter().find(|&&agent| agent >= n_agents) {
             return Err(BattleError::NoSuchAgent { agent, n_agents });
         }
         self.taken = agents.iter().copied().collect();
-        let field = field(&self.game, self.recorder.battle());
         // What an agent was told before it was given back is forgotten.
-        for agent in (0..n_agents).filter(|agent| !self.taken.contains(agent)) {
-            self.orders.give(&field, agent, Order::None)?;
-        }
+        let others = (0..n_agents).filter(|agent| !self.taken.contains(agent));
+        let none: Vec<_> = others.map(|agent| AgentOrder { agent, order: Order::None }).collect();
+        self.give(&none)?;
         Ok(())
     }
 
     /// Gives agents orders, all of them or none.
     pub fn give(&mut self, orders: &[AgentOrder]) -> Result<Vec<Order>, BattleError> {
-        self.orders.give_all(&field(&self.game, self.recorder.battle()), orders)?;
+        self.orders.give(&self.game.scenario, self.recorder.battle(), orders)?;
         Ok(self.orders.current())
     }
 
-    /// Plays these joint actions.
+    /// Plays these joint actions. Those from the start on come with the moment there.
     pub fn play_actions(&mut self, actions: &[u16]) -> Result<PlayedSteps, BattleError> {
         let (n_actors, given) = (self.game.arena.sizes().n_actors(), actions.len());
         if !given.is_multiple_of(n_actors) {
             return Err(BattleError::ActionCount { n_actors, given });
         }
         let (first, mut seen) = (self.steps(), Seen::default());
+        if first == 0 {
+            seen.moments.push(self.observer.moment().clone());
+        }
         for joint in actions.chunks_exact(n_actors) {
             self.step(joint, &mut seen)?;
         }
@@ -142,15 +140,15 @@ impl PlayedBattle {
         let battle = self.recorder.battle();
         let chosen = match &mut self.player {
             Player::Script(script) => {
-                let mut chosen = vec![0; self.game.agents.len()];
+                let mut chosen = vec![0; battle.arena().sizes().n_agents];
                 script.act(battle, &mut chosen);
                 chosen
             }
-            Player::Team(team) => team.act(battle, &self.actions, self.game.seed()),
+            Player::Team(team) => team.act(battle, self.recorder.actions(), self.game.seed),
         };
-        let ordered = self.orders.actions(&field(&self.game, battle));
+        let ordered = self.orders.actions(&self.game.scenario, battle);
         let own = |(agent, (ordered, chosen))| {
-            // Legal actions are below the 6 + 1000 actions of the largest scenario.
+            // Legal actions are below the 6 + 360 + 1000 actions of the largest scenario.
             if self.taken.contains(&agent) { ordered } else { chosen as u16 }
         };
         Ok(ordered.into_iter().zip(chosen).enumerate().map(own).collect())
@@ -164,19 +162,13 @@ impl PlayedBattle {
         let observer = &mut self.observer;
         let observe = |units: &_| seen.moments.push(observer.observe(units).clone());
         let played = self.recorder.step_observed(&actions, observe);
-        self.newest = Some(played.map_err(|error| BattleError::Action { step, error })?);
-        self.actions.extend(joint);
+        played.map_err(|error| BattleError::Action { step, error })?;
         self.states.push(self.recorder.battle().save());
         Ok(())
     }
 
-    /// The steps from `first` on; those from the start on begin with the moment there.
-    fn encode(&self, first: usize, seen: Seen) -> PlayedSteps {
-        let Seen { mut moments, decisions } = seen;
-        if first == 0 {
-            let start = self.battle_before(0).map(|battle| Observer::new(&self.game.scenario, &battle));
-            moments.splice(0..0, start.map(|observer| observer.moment().clone()));
-        }
+    /// The steps from `first` on.
+    fn encode(&self, first: usize, Seen { moments, decisions }: Seen) -> PlayedSteps {
         PlayedSteps {
             step: first,
             steps: self.steps() - first,
@@ -184,7 +176,7 @@ impl PlayedBattle {
             moments: STANDARD.encode(encode_moments(&moments)),
             decisions: STANDARD.encode(decisions),
             episode_return: self.recorder.battle().episode_return(),
-            result: self.newest.and_then(result),
+            result: self.recorder.outcome().result(),
             orders: self.orders.current(),
         }
     }
@@ -211,33 +203,19 @@ impl PlayedBattle {
         Ok(self.game.with_moved_unit(unit, x, y)?)
     }
 
+    /// The text of its scenario with another map.
+    pub fn with_terrain(&self, rows: &[String]) -> String {
+        self.game.with_terrain(rows)
+    }
+
     /// All steps so far, as the file of a replay.
     pub fn replay(&self) -> Result<ReplayFile, BattleError> {
-        let mut recorder = self.game.recorder()?;
-        for (step, joint) in self.actions.chunks_exact(self.game.arena.sizes().n_actors()).enumerate() {
-            let joint: Vec<i32> = joint.iter().map(|&action| action.into()).collect();
-            recorder.step(&joint).map_err(|error| BattleError::Action { step, error })?;
-        }
-        let replay = recorder.finish();
+        let replay = self.recorder.replay();
         let episode = replay.episodes().first().ok_or(BattleError::NoStep)?;
         Ok(ReplayFile {
-            name: format!("{}-seed{}.{SUFFIX}", self.game.scenario.name, self.game.seed()),
+            name: format!("{}-seed{}.{SUFFIX}", self.game.scenario.name, self.game.seed),
             checksum: format!("{:016x}", episode.checksum),
             replay: String::from_utf8_lossy(&replay.to_json()?).into_owned(),
         })
-    }
-}
-
-fn field<'a>(game: &'a Game, battle: &'a Battle) -> Field<'a> {
-    Field { scenario: &game.scenario, battle, agents: &game.agents, enemies: &game.enemies }
-}
-
-/// How an episode ended, if the step ended it.
-fn result(step: Step) -> Option<EpisodeResult> {
-    match step {
-        Step { battle_won: true, .. } => Some(EpisodeResult::Won),
-        Step { terminated: true, .. } => Some(EpisodeResult::Lost),
-        Step { truncated: true, .. } => Some(EpisodeResult::Truncated),
-        _ => None,
     }
 }

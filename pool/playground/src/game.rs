@@ -1,11 +1,9 @@
 //! What a battle is played with, and how it begins.
 
 use crate::protocol::Source;
-use serde_json::json;
-use smaclite_engine::{
-    Arena, BattleSetup, Opponent, Opponents, OpponentsError, Snapshot, SnapshotError, StreamPosition,
-};
-use smaclite_scenarios::{Faction, Placement, Problems, Scenario, ScenarioError, ScenarioFiles};
+use serde_json::{Value, json};
+use smaclite_engine::{Arena, BattleSetup, Opponent, Opponents, OpponentsError, SnapshotError};
+use smaclite_scenarios::{Placement, Problems, Scenario, ScenarioError, ScenarioFiles};
 use smaclite_units::Keyword;
 use smaclite_view::{Recorder, Replay, ReplayError};
 use std::sync::Arc;
@@ -16,7 +14,7 @@ pub(crate) enum GameError {
     #[error(transparent)]
     Unknown(#[from] ScenarioError),
     #[error("the scenario is not valid: {0}")]
-    Invalid(#[from] Problems),
+    Invalid(Problems),
     #[error(transparent)]
     Opponent(#[from] OpponentsError),
     #[error("seed must be a whole number from 0 to {max}, got `{0}`", max = u64::MAX)]
@@ -38,28 +36,20 @@ pub(crate) struct Game {
     pub setup: BattleSetup,
     pub scenario: Scenario,
     pub arena: Arc<Arena>,
-    /// Battle-wide ids by in-faction id.
-    pub agents: Vec<usize>,
-    pub enemies: Vec<usize>,
-    start: Start,
-}
-
-/// Where it begins.
-enum Start {
-    Seed(u64),
-    Episode { at: StreamPosition, opponent: Opponent, snapshot: Option<Box<Snapshot>> },
+    /// The seed of its generator.
+    pub seed: u64,
 }
 
 impl Game {
-    /// A battle of a scenario or of the opened replay.
-    pub fn new(source: &Source, replay: Option<&Replay>) -> Result<Game, GameError> {
+    /// A battle of a scenario or of the opened replay, at its start.
+    pub fn begin(source: &Source, replay: Option<&Replay>) -> Result<(Game, Recorder), GameError> {
         match source {
             Source::Scenario { scenario, seed, opponent } => Game::of_scenario(scenario, seed, opponent),
             Source::Episode { episode } => Game::of_episode(*episode, replay),
         }
     }
 
-    fn of_scenario(name_or_text: &str, seed: &str, opponent: &str) -> Result<Game, GameError> {
+    fn of_scenario(name_or_text: &str, seed: &str, opponent: &str) -> Result<(Game, Recorder), GameError> {
         let files = if name_or_text.trim_start().starts_with('{') {
             ScenarioFiles { source: "scenario".into(), text: name_or_text.into(), unit_files: Vec::new() }
         } else {
@@ -72,51 +62,35 @@ impl Game {
         };
         opponents.check(setup.sides)?;
         let seed = seed.parse().map_err(|_| GameError::Seed(seed.to_owned()))?;
-        Game::with(BattleSetup { opponents, ..setup }, Start::Seed(seed))
+        Game::of_setup(BattleSetup { opponents, ..setup }, seed)
     }
 
-    fn of_episode(episode: usize, replay: Option<&Replay>) -> Result<Game, GameError> {
+    fn of_episode(episode: usize, replay: Option<&Replay>) -> Result<(Game, Recorder), GameError> {
         let episodes = replay.map_or(&[][..], Replay::episodes);
         let n_episodes = episodes.len();
         let (Some(replay), Some(recorded)) = (replay, episodes.get(episode)) else {
             return Err(GameError::Episode { episode, n_episodes });
         };
-        let (at, opponent) = (recorded.start, recorded.opponent);
-        Game::with(
-            replay.setup().clone(),
-            Start::Episode { at, opponent, snapshot: recorded.snapshot.clone() },
-        )
-    }
-
-    fn with(setup: BattleSetup, start: Start) -> Result<Game, GameError> {
-        let (scenario, arena) = setup.arena()?;
-        let ids = |faction| {
-            let units = scenario.units.iter().enumerate();
-            units.filter(|(_, unit)| unit.faction == faction).map(|(id, _)| id).collect()
-        };
-        let (agents, enemies) = (ids(Faction::Ally), ids(Faction::Enemy));
-        Ok(Game { setup, scenario, arena: Arc::new(arena), agents, enemies, start })
-    }
-
-    /// The battle at its start.
-    pub fn recorder(&self) -> Result<Recorder, GameError> {
-        let mut recorder = Recorder::new(self.setup.clone(), self.seed())?;
-        match &self.start {
-            Start::Seed(_) => {}
-            Start::Episode { snapshot: Some(snapshot), .. } => {
-                recorder.begin_at(snapshot)?;
-            }
-            Start::Episode { at, opponent, .. } => recorder.begin(*at, *opponent),
+        let (game, mut recorder) = Game::of_setup(replay.setup().clone(), recorded.start.seed)?;
+        match &recorded.snapshot {
+            Some(snapshot) => recorder.begin_at(snapshot)?,
+            None => recorder.begin(recorded.start, recorded.opponent),
         }
-        Ok(recorder)
+        Ok((game, recorder))
     }
 
-    /// The seed of its generator.
-    pub fn seed(&self) -> u64 {
-        match &self.start {
-            Start::Seed(seed) => *seed,
-            Start::Episode { at, .. } => at.seed,
-        }
+    fn of_setup(setup: BattleSetup, seed: u64) -> Result<(Game, Recorder), GameError> {
+        let recorder = Recorder::new(setup.clone(), seed).map_err(|error| match error {
+            ReplayError::Scenario(problems) => GameError::Invalid(problems),
+            other => other.into(),
+        })?;
+        let (scenario, arena) = (recorder.scenario().clone(), recorder.battle().arena().clone());
+        Ok((Game { setup, scenario, arena, seed }, recorder))
+    }
+
+    /// The name of the scenario if it is a standard one, else the text of its file.
+    pub fn source(&self) -> &str {
+        if self.setup.files.is_standard() { &self.scenario.name } else { &self.setup.files.text }
     }
 
     /// The text of the scenario with a unit that starts elsewhere; whether it can start there, reading tells.
@@ -137,6 +111,19 @@ impl Game {
         };
         let groups = units.iter().enumerate().map(group).collect();
         Ok(self.setup.files.with_keys([("groups".to_owned(), groups)]).text)
+    }
+
+    /// The text of the scenario with the map of these rows, as files have them; reading tells what is wrong.
+    pub fn with_terrain(&self, rows: &[String]) -> String {
+        let keys = [("terrain", json!(rows)), ("terrain_preset", Value::Null)];
+        self.setup.files.with_keys(keys.map(|(key, value)| (key.to_owned(), value))).text
+    }
+
+    /// What is probably a mistake in a scenario that somebody has changed or written.
+    pub fn warnings(&self) -> Vec<String> {
+        let files = &self.setup.files;
+        let warnings = if files.is_standard() { Vec::new() } else { files.warnings() };
+        warnings.into_iter().map(|warning| warning.message).collect()
     }
 
     /// Whether joint actions play the agents alone, so that a team or a person can play on.

@@ -37,6 +37,8 @@ const MODULES: &[Module] = modules![
     "headline.js",
     "link.js",
     "main.js",
+    "mover.js",
+    "painter.js",
     "playground.js",
     "playground_view.js",
     "share.js",

@@ -39,6 +39,8 @@ pub(crate) enum WeightsError {
     Format(#[from] safetensors::SafeTensorError),
     #[error("`{name}` must be F32 {expected:?}, got {dtype:?} {given:?}")]
     Shape { name: String, expected: Vec<usize>, dtype: Dtype, given: Vec<usize> },
+    #[error("every layer must have at least one input and output, got the widths {0:?}")]
+    Width(Vec<usize>),
     #[error("`{0}` has a number that is not finite")]
     NotFinite(String),
 }
@@ -51,6 +53,9 @@ impl Network {
         n_agents: usize,
         activation: Activation,
     ) -> Result<Network, WeightsError> {
+        if widths.contains(&0) {
+            return Err(WeightsError::Width(widths.to_vec()));
+        }
         let arrays = SafeTensors::deserialize(bytes)?;
         let pairs = widths.windows(2).enumerate();
         let layers = pairs.map(|(i, pair)| {

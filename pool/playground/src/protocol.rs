@@ -3,7 +3,7 @@
 
 use serde::{Deserialize, Serialize};
 use smaclite_view::page::{Features, ScenarioInfo};
-use smaclite_view::{AgentOrder, Order};
+use smaclite_view::{AgentOrder, EpisodeResult, Order};
 #[cfg(test)]
 use ts_rs::TS;
 
@@ -39,6 +39,8 @@ pub(crate) enum Request {
     GetReplay {},
     /// The scenario of the battle, but for where a unit starts, in squares.
     MoveUnit { unit: usize, x: f64, y: f64 },
+    /// The scenario of the battle, but for its map: rows of `_` and `X`, the southernmost first.
+    PaintMap { rows: Vec<String> },
 }
 
 /// The response to the request of the same name.
@@ -66,6 +68,10 @@ pub(crate) enum Response {
     GetReplay(ReplayFile),
     /// The text of its file.
     MoveUnit {
+        scenario: String,
+    },
+    /// The text of its file.
+    PaintMap {
         scenario: String,
     },
 }
@@ -121,8 +127,9 @@ pub(crate) struct BeginBattle {
     pub of: Source,
     /// The script or trained team that plays the agents.
     pub team: String,
-    /// The joint actions of the steps that are played at once, agent by agent.
-    pub actions: Vec<u16>,
+    /// The joint actions of the steps that are played at once, agent by agent; if they are left out, all that
+    /// were recorded of the episode.
+    pub actions: Option<Vec<u16>>,
     /// The agents that carry out orders.
     pub taken: Vec<usize>,
 }
@@ -153,12 +160,16 @@ pub(crate) struct BegunBattle {
     pub scenario: ScenarioInfo,
     #[cfg_attr(test, ts(type = "Array<Features>"))]
     pub features: Vec<Features>,
+    /// The scenario as [`Source::Scenario`] has it, for another battle: its name if it is a standard one.
+    pub source: String,
     pub rules: String,
     /// Who plays the enemies.
     pub opponent: String,
     pub seed: String,
     /// Whether it can be played on; a battle in which actions play the enemies too is only shown.
     pub is_playable: bool,
+    /// What is probably a mistake in its scenario, if that is none of the standard ones.
+    pub warnings: Vec<String>,
     pub played: PlayedSteps,
 }
 
@@ -178,20 +189,11 @@ pub(crate) struct PlayedSteps {
     #[serde(rename = "return")]
     pub episode_return: f64,
     /// How the episode ended, if it did.
+    #[cfg_attr(test, ts(type = "EpisodeResult | null"))]
     pub result: Option<EpisodeResult>,
     /// The orders that hold after them, by agent.
     #[cfg_attr(test, ts(type = "Array<Order>"))]
     pub orders: Vec<Order>,
-}
-
-/// How an episode ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
-#[cfg_attr(test, derive(TS))]
-pub(crate) enum EpisodeResult {
-    Won,
-    Lost,
-    Truncated,
 }
 
 /// A replay that this engine reproduces.
@@ -211,11 +213,10 @@ pub(crate) struct EpisodeInfo {
     pub steps: usize,
     #[serde(rename = "return")]
     pub episode_return: f64,
+    #[cfg_attr(test, ts(type = "EpisodeResult | null"))]
     pub result: Option<EpisodeResult>,
     /// XXH3 over the bits of all units after every tick and of every reward: 16 hexadecimal digits.
     pub checksum: String,
-    /// The joint actions of all steps.
-    pub actions: Vec<u16>,
 }
 
 /// A replay file.
@@ -252,14 +253,14 @@ mod tests {
             Source,
             BegunBattle,
             PlayedSteps,
-            EpisodeResult,
             OpenedReplay,
             EpisodeInfo,
             ReplayFile,
         ];
         let text = format!(
             "// Written by a test of src/protocol.rs: SMACLITE_WRITE=1 cargo test -p smaclite-playground\n\
-             import type {{ AgentOrder, Features, Order, ScenarioInfo }} from \"#view/data.d.ts\";\n\n\
+             import type {{ AgentOrder, EpisodeResult, Features, Order, ScenarioInfo }} \
+             from \"#view/data.d.ts\";\n\n\
              {declarations}"
         );
         if std::env::var_os("SMACLITE_WRITE").is_some() {

@@ -3,8 +3,8 @@
 use crate::battle::{BattleError, PlayedBattle, Player};
 use crate::game::Game;
 use crate::protocol::{
-    BeginBattle, BegunBattle, Choices, EpisodeInfo, EpisodeResult, OpenedReplay, Outcome, Request, Response,
-    Source, TeamFiles, TeamInfo,
+    BeginBattle, BegunBattle, Choices, EpisodeInfo, OpenedReplay, Outcome, Request, Response, Source,
+    TeamFiles, TeamInfo,
 };
 use crate::team::{Team, TeamError};
 use base64::Engine;
@@ -13,7 +13,7 @@ use smaclite_engine::Opponent;
 use smaclite_engine::policy::{Scripted, UnknownPolicy};
 use smaclite_scenarios::Scenario;
 use smaclite_view::page::{features_info, scenario_info};
-use smaclite_view::{Episode, Outcome as EpisodeOutcome, Replay, ReplayError};
+use smaclite_view::{Episode, Replay, ReplayError};
 use std::rc::Rc;
 
 /// The battle of one page, and what it can be played with.
@@ -37,6 +37,8 @@ enum SessionError {
     Base64(base64::DecodeError),
     #[error(transparent)]
     Replay(#[from] ReplayError),
+    #[error("the replay `{0}` has no episode")]
+    NoEpisode(String),
     #[error("begin a battle first")]
     NoBattle,
     #[error("the request is not valid: {0}")]
@@ -74,6 +76,7 @@ impl Session {
             Request::MoveUnit { unit, x, y } => {
                 Response::MoveUnit { scenario: battle?.with_moved_unit(unit, x, y)? }
             }
+            Request::PaintMap { rows } => Response::PaintMap { scenario: battle?.with_terrain(&rows) },
         })
     }
 
@@ -103,6 +106,9 @@ impl Session {
 
     fn open(&mut self, name: &str, replay: &str) -> Result<OpenedReplay, SessionError> {
         let replay = Replay::from_json(replay.as_bytes(), name)?;
+        if replay.episodes().is_empty() {
+            return Err(SessionError::NoEpisode(name.to_owned()));
+        }
         replay.verify()?;
         let episodes = replay.episodes().iter().map(episode_info).collect();
         let program = replay.program().to_owned();
@@ -111,26 +117,32 @@ impl Session {
     }
 
     fn begin(&mut self, begin: &BeginBattle) -> Result<BegunBattle, SessionError> {
-        let game = Game::new(&begin.of, self.replay.as_ref()).map_err(BattleError::from)?;
+        let (game, recorder) = Game::begin(&begin.of, self.replay.as_ref()).map_err(BattleError::from)?;
         let player = self.player(&begin.team, &game)?;
-        let game = Rc::new(game);
-        let mut battle = PlayedBattle::new(game.clone(), player)?;
-        let played = battle.play_actions(&begin.actions)?;
-        battle.take(&begin.taken)?;
-        self.battle = Some(battle);
-        let opponent = match (&begin.of, &self.replay) {
-            (Source::Episode { episode }, Some(replay)) => replay.episodes()[*episode].opponent.name().into(),
-            _ => game.setup.opponents.to_string(),
+        let mut battle = PlayedBattle::new(game, recorder, player);
+        let recorded = match (&begin.of, &self.replay) {
+            (Source::Episode { episode }, Some(replay)) => replay.episodes().get(*episode),
+            _ => None,
         };
-        Ok(BegunBattle {
+        let recorded_actions = recorded.map_or(&[][..], |episode| &episode.actions);
+        let played = battle.play_actions(begin.actions.as_deref().unwrap_or(recorded_actions))?;
+        battle.take(&begin.taken)?;
+        let game = battle.game();
+        let opponent = recorded
+            .map_or_else(|| game.setup.opponents.to_string(), |episode| episode.opponent.name().to_owned());
+        let begun = BegunBattle {
             scenario: scenario_info(&game.scenario, &game.arena),
             features: features_info(&game.scenario),
+            source: game.source().to_owned(),
             rules: game.setup.rules.to_string(),
             opponent,
-            seed: game.seed().to_string(),
+            seed: game.seed.to_string(),
             is_playable: game.is_playable(),
+            warnings: game.warnings(),
             played,
-        })
+        };
+        self.battle = Some(battle);
+        Ok(begun)
     }
 
     fn player(&self, name: &str, game: &Game) -> Result<Player, SessionError> {
@@ -138,7 +150,7 @@ impl Session {
             team.check(&game.arena)?;
             return Ok(Player::Team(team.clone()));
         }
-        Ok(Player::Script(Box::new(Scripted::from_name(name, game.seed())?)))
+        Ok(Player::Script(Box::new(Scripted::from_name(name, game.seed)?)))
     }
 }
 
@@ -147,14 +159,8 @@ fn episode_info(episode: &Episode) -> EpisodeInfo {
         seed: episode.start.seed.to_string(),
         steps: episode.n_steps(),
         episode_return: episode.outcome.episode_return,
-        result: match episode.outcome {
-            EpisodeOutcome { battle_won: true, .. } => Some(EpisodeResult::Won),
-            EpisodeOutcome { terminated: true, .. } => Some(EpisodeResult::Lost),
-            EpisodeOutcome { truncated: true, .. } => Some(EpisodeResult::Truncated),
-            _ => None,
-        },
+        result: episode.outcome.result(),
         checksum: format!("{:016x}", episode.checksum),
-        actions: episode.actions.clone(),
     }
 }
 

@@ -150,8 +150,10 @@ impl Team {
     }
 }
 
+/// No weights fit if the history is longer than any memory.
 fn with_history(sizes: Sizes, last_actions: usize) -> Sizes {
-    Sizes { obs_size: sizes.obs_size + last_actions * sizes.n_actions, ..sizes }
+    let history = last_actions.saturating_mul(sizes.n_actions);
+    Sizes { obs_size: sizes.obs_size.saturating_add(history), ..sizes }
 }
 
 /// Draws an available action by the softmax of the outputs.

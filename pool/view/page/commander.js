@@ -7,7 +7,7 @@ import { clamp } from "./numbers.js";
 import { PlayView } from "./play_view.js";
 import { BattlePlayer } from "./player.js";
 
-/** @import { At } from "./controls.js" */
+/** @import { At, Handlers } from "./controls.js" */
 /** @import { AgentOrder, Order, ScenarioInfo } from "./data.d.ts" */
 /** @import { Rectangle } from "./selection.js" */
 
@@ -15,7 +15,8 @@ import { BattlePlayer } from "./player.js";
 const MARGIN = 4;
 /** Length of a move, in squares. */
 const MOVE = 2;
-const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+/** @type {{ [key: string]: [dx: number, dy: number] }} In squares: y grows north. */
+export const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
 
 export class Commander extends BattlePlayer {
   /** @param {ScenarioInfo} info */
@@ -189,7 +190,15 @@ export class Commander extends BattlePlayer {
 
   /** @param {HTMLCanvasElement} canvas */
   listenToPointer(canvas) {
-    new Controls(canvas, {
+    new Controls(canvas, () => this.handlers());
+  }
+
+  /**
+   * What mouse and fingers do now: they select agents and command them.
+   * @returns {Handlers}
+   */
+  handlers() {
+    return {
       tap: (at, how) => this.tap(at, how),
       draw: (box) => this.drawBox(box),
       box: (box, add) => this.boxed(box, add),
@@ -204,7 +213,7 @@ export class Commander extends BattlePlayer {
       },
       hover: (at) => this.hover(...at),
       leave: () => this.hover(-1e6, -1e6),
-    });
+    };
   }
 
   /**

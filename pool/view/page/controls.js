@@ -31,11 +31,11 @@ const distance = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1]);
 export class Controls {
   /**
    * @param {HTMLCanvasElement} canvas
-   * @param {Handlers} handlers
+   * @param {() => Handlers} now what the page does now, which may be in another mode later
    */
-  constructor(canvas, handlers) {
+  constructor(canvas, now) {
     this.canvas = canvas;
-    this.handlers = handlers;
+    this.now = now;
     /** @type {Map<number, At>} Where each pressed pointer is. */
     this.pressed = new Map();
     /** @type {{ from: At, isBox: boolean, isTouch: boolean } | null} What may become a tap or a box. */
@@ -47,16 +47,20 @@ export class Controls {
     canvas.addEventListener("pointermove", (event) => this.moved(event));
     canvas.addEventListener("pointerup", (event) => this.up(event));
     canvas.addEventListener("pointercancel", (event) => this.cancel(event));
-    canvas.addEventListener("pointerleave", () => handlers.leave());
+    canvas.addEventListener("pointerleave", () => this.handlers.leave());
     canvas.addEventListener("contextmenu", (event) => event.preventDefault());
     canvas.addEventListener(
       "wheel",
       (event) => {
         event.preventDefault();
-        handlers.zoom(Math.exp(-event.deltaY * 0.0015), this.local(event));
+        this.handlers.zoom(Math.exp(-event.deltaY * 0.0015), this.local(event));
       },
       { passive: false },
     );
+  }
+
+  get handlers() {
+    return this.now();
   }
 
   /**

@@ -3,7 +3,11 @@ export type ScenarioInfo = { name: string, width: number, height: number,
 /**
  * Blocked rectangles: west, south, east and north side, in squares.
  */
-obstacles: Array<[number, number, number, number]>, attack_point: [number, number], types: Array<TypeInfo>, units: Array<UnitInfo>, n_agents: number, n_actions: number, episode_limit: number | null, sight_range: number, units_per: UnitsPer, };
+obstacles: Array<[number, number, number, number]>, attack_point: [number, number], types: Array<TypeInfo>, units: Array<UnitInfo>, n_agents: number, n_actions: number, 
+/**
+ * The action of an agent that means its first target. Looks stand before it, if there are any.
+ */
+first_target: number, episode_limit: number | null, sight_range: number, units_per: UnitsPer, };
 export type TypeInfo = { name: string, label: string, radius: number, hp: number, shield: number, energy: number, initial_energy: number, cooldown: number, attack_range: number, speed: number, plane: string, attack: "shot" | "beam" | "explosion" | "heal", 
 /**
  * Width and height of a beam, or the radius of an explosion.
@@ -41,6 +45,7 @@ moments: string,
  * Compressed, in base64.
  */
 decisions: string, };
+export type EpisodeResult = "won" | "lost" | "truncated";
 export type Features = { name: string, start: number, 
 /**
  * `None` for a block that is one row and not a list of units.

@@ -1,6 +1,7 @@
 // @ts-check
 // Inspector: the rosters of both teams, and the card of the selected unit.
 
+import { actionName } from "./actions.js";
 import { titleCase, unitName } from "./battle.js";
 import { all, byId, make } from "./dom.js";
 import { clamp } from "./numbers.js";
@@ -13,26 +14,11 @@ import { TICKS_PER_SECOND, TICKS_PER_STEP } from "./transport.js";
  * @typedef {{ button: HTMLElement, health: HTMLElement, shield: HTMLElement, last: string }} Chip
  */
 
-const ACTIONS = ["no-op", "stop", "north", "south", "east", "west"];
 /** Rosters of more units than this would only be noise. */
 const LARGEST_ROSTER = 160;
 /** Rosters of more units than these have smaller chips. */
 const DENSE_ROSTER = 20;
 const TINY_ROSTER = 36;
-
-/**
- * The name of an action of an agent.
- * @param {ScenarioInfo} info
- * @param {number} agent
- * @param {number} action
- */
-function actionName(info, agent, action) {
-  if (action < 0) return "none";
-  if (action < ACTIONS.length) return ACTIONS[action];
-  const unit = info.units.find(({ faction, id }) => !faction && id === agent);
-  const heals = unit !== undefined && info.types[unit.type].attack === "heal";
-  return `${heals ? "heal agent" : "attack enemy"} ${action - ACTIONS.length}`;
-}
 
 export class Inspector {
   /**

@@ -17,7 +17,7 @@ export class PlayView extends BattleView {
    */
   constructor(canvas, info) {
     super(canvas, info);
-    this.selection = new Selection(info);
+    this.selection = new Selection(this);
     /** @type {Order[]} The orders that hold, by agent. */
     this.orders = [];
     /** Whether what no agent sees is hidden, while the battle is not over. */

@@ -8,11 +8,15 @@
  */
 
 export class Selection {
-  /** @param {ScenarioInfo} info */
-  constructor(info) {
-    this.info = info;
+  /** @param {{ track: { info: ScenarioInfo } }} view What is shown: an episode may have drawn its types. */
+  constructor(view) {
+    this.view = view;
     /** @type {Set<number>} By battle-wide id. */
     this.units = new Set();
+  }
+
+  get info() {
+    return this.view.track.info;
   }
 
   /** The selected agent, if it is one; else -1. */

@@ -13,13 +13,14 @@ const info = {
     ...[0, 1].map((type, id) => ({ type, faction: 1, id })),
   ],
 };
+const view = { track: { info } };
 const ALL = [0, 1, 2, 3, 4, 5, 6];
 
 /** @param {Selection} selection */
 const selected = (selection) => [...selection.units].sort();
 
 test("only agents are selected, and one more at a time with shift", () => {
-  const selection = new Selection(info);
+  const selection = new Selection(view);
   selection.pick(2, false);
   assert.deepEqual([selected(selection), selection.only], [[2], 2]);
   selection.pick(4, true);
@@ -35,15 +36,27 @@ test("only agents are selected, and one more at a time with shift", () => {
 });
 
 test("a double click selects the living of a type", () => {
-  const selection = new Selection(info);
+  const selection = new Selection(view);
   selection.takeType(3, [0, 1, 2, 3, 5, 6], false);
   assert.deepEqual(selected(selection), [2, 3]);
   selection.takeType(0, ALL, true);
   assert.deepEqual(selected(selection), [0, 1, 2, 3]);
 });
 
+// They were those of the sample, whatever the episode had drawn.
+test("the types of a generated scenario are those of the episode", () => {
+  const units = info.units.map((/** @type {any} */ unit) => ({ ...unit, type: 1 - unit.type }));
+  const drawn = { track: { info } },
+    selection = new Selection(drawn);
+  drawn.track = { info: { ...info, units } };
+  selection.takeType(0, ALL, false);
+  assert.equal(selection.summary(), "2 zealot");
+  selection.take(ALL, false);
+  assert.equal(selection.summary(), "2 zealot, 3 stalker");
+});
+
 test("Tab goes from the first to the last living agent, and then leaves the map", () => {
-  const selection = new Selection(info),
+  const selection = new Selection(view),
     living = [0, 2, 4, 5, 6];
   const seen = [];
   while (selection.next(living, 1)) seen.push(selection.only);
@@ -56,13 +69,13 @@ test("Tab goes from the first to the last living agent, and then leaves the map"
 });
 
 test("numbers are those of the agents", () => {
-  const selection = new Selection(info);
+  const selection = new Selection(view);
   assert.deepEqual([selection.numbered(1, ALL), selection.numbered(1, [0, 2, 5, 6])], [1, -1]);
   assert.equal(selection.numbered(7, ALL), -1);
 });
 
 test("the dead are selected no more", () => {
-  const selection = new Selection(info);
+  const selection = new Selection(view);
   selection.take([0, 1], false);
   assert.ok(!selection.keep(ALL));
   assert.ok(selection.keep([1, 2]));
@@ -70,7 +83,7 @@ test("the dead are selected no more", () => {
 });
 
 test("every selected agent gets an order, but for those that have none", () => {
-  const selection = new Selection(info);
+  const selection = new Selection(view);
   selection.take([1, 3], false);
   assert.deepEqual(
     selection.orders(() => ({ type: "stop" })),

@@ -137,6 +137,26 @@ export class TerrainLayer {
     context.restore();
   }
 
+  /**
+   * Marks squares of the map that are drawn next, over what is drawn there.
+   * @param {[x: number, y: number][]} squares
+   * @param {boolean} isBlocked whether they are made blocked
+   */
+  mark(squares, isBlocked) {
+    const { context, info, scale } = this.view;
+    context.save();
+    context.beginPath();
+    for (const [x, y] of squares)
+      if (x >= 0 && y >= 0 && x < info.width && y < info.height)
+        context.rect(...this.rect(x, y, x + 1, y + 1));
+    context.fillStyle = theme.faint(isBlocked ? "text" : "focus", 0.28);
+    context.fill();
+    context.lineWidth = 1.2;
+    context.strokeStyle = theme.colours.focus;
+    if (scale > 6) context.stroke();
+    context.restore();
+  }
+
   /** The point that the enemies march to. */
   paintGoal() {
     const { context } = this;

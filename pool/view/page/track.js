@@ -126,6 +126,7 @@ export class Track {
    * @param {number} count
    */
   append(bytes, count) {
+    if (!count) return;
     this.reserve(this.length + count);
     const per = this.info.units_per;
     const scale = {

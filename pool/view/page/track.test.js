@@ -36,6 +36,14 @@ test("every unit is where it was, to what can be seen", async () => {
   }
 });
 
+test("no moments change nothing", async () => {
+  const track = await decoded(),
+    { length, info: known } = track;
+  track.append(new Uint8Array(), 0);
+  assert.equal(track.length, length);
+  assert.equal(track.info, known, "not even the types of the units");
+});
+
 test("decisions have the actions, and those that were available", async () => {
   const track = await decoded();
   assert.equal(track.decisions.length, episode.steps + 1, "the end has no actions, but some are available");

@@ -15,11 +15,11 @@ mod render;
 mod replay;
 
 pub use moment::{Attack, AttackKind, Moment, Observer, UnitMoment};
-pub use orders::{AgentOrder, Field, Order, OrderError, Orders};
+pub use orders::{AgentOrder, Order, OrderError, Orders};
 pub use page::export_html;
 pub use picture::{Cell, EncodeError, Picture, Sheet, SizeError, write_apng, write_gif};
 pub use render::{Options, RECENT_TICKS, Renderer, Theme, View, type_letters};
 pub use replay::{
-    Episode, MAX_FILE_BYTES, MAX_JSON_BYTES, Outcome, PlayedStep, Player, Recorder, Replay, ReplayError,
-    SUFFIX,
+    Episode, EpisodeResult, MAX_FILE_BYTES, MAX_JSON_BYTES, Outcome, PlayedStep, Player, Recorder, Replay,
+    ReplayError, SUFFIX,
 };

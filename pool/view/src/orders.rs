@@ -58,6 +58,10 @@ const PATIENCE: u32 = 3;
 #[derive(Clone, Debug)]
 pub struct Orders {
     held: Vec<Held>,
+    /// The agents' battle-wide ids, by in-faction id.
+    agents: Vec<usize>,
+    /// The enemies' likewise.
+    enemies: Vec<usize>,
 }
 
 /// The order of one agent, and how far it is carried out.
@@ -85,9 +89,14 @@ pub enum OrderError {
 }
 
 impl Orders {
-    /// No order for any agent.
-    pub fn new(n_agents: usize) -> Orders {
-        Orders { held: vec![Held::default(); n_agents] }
+    /// No order for any agent of a scenario.
+    pub fn new(scenario: &Scenario) -> Orders {
+        let ids = |faction| {
+            let units = scenario.units.iter().enumerate();
+            units.filter(|(_, unit)| unit.faction == faction).map(|(id, _)| id).collect::<Vec<_>>()
+        };
+        let (agents, enemies) = (ids(Faction::Ally), ids(Faction::Enemy));
+        Orders { held: vec![Held::default(); agents.len()], agents, enemies }
     }
 
     /// The orders that hold, by agent.
@@ -95,26 +104,50 @@ impl Orders {
         self.held.iter().map(|held| held.order).collect()
     }
 
-    /// Gives agents orders instead of those that they had: all of them or none.
+    /// Gives agents orders instead of those that they had: all of them or none. The battle is one of the
+    /// scenario, before a step.
     ///
     /// # Errors
-    /// The first order that cannot be given.
-    pub fn give_all(&mut self, field: &Field, orders: &[AgentOrder]) -> Result<(), OrderError> {
-        let mut given = self.clone();
-        orders.iter().try_for_each(|&AgentOrder { agent, order }| given.give(field, agent, order))?;
-        *self = given;
+    /// The first order that cannot be given: there is no such agent or unit, or the destination is no point.
+    pub fn give(
+        &mut self,
+        scenario: &Scenario,
+        battle: &Battle,
+        orders: &[AgentOrder],
+    ) -> Result<(), OrderError> {
+        let mut held = self.held.clone();
+        let (n_agents, field) = (held.len(), Field::new(scenario, battle, &self.agents, &self.enemies));
+        for &AgentOrder { agent, order } in orders {
+            let held = held.get_mut(agent).ok_or(OrderError::NoSuchAgent { agent, n_agents })?;
+            *held = Held::new(&field, agent, order)?;
+        }
+        self.held = held;
         Ok(())
     }
 
-    /// Gives an agent an order instead of the one that it had.
-    ///
-    /// # Errors
-    /// If there is no such agent or unit, or the destination is no point.
-    pub fn give(&mut self, field: &Field, agent: usize, order: Order) -> Result<(), OrderError> {
-        let n_agents = self.held.len();
-        let held = self.held.get_mut(agent).ok_or(OrderError::NoSuchAgent { agent, n_agents })?;
-        let mut seen_at = Vec2::ZERO;
-        let mut order = order;
+    /// The actions of the next step of a battle of the scenario, one per agent. Orders that are carried out
+    /// end.
+    pub fn actions(&mut self, scenario: &Scenario, battle: &Battle) -> Vec<u16> {
+        let field = Field::new(scenario, battle, &self.agents, &self.enemies);
+        let actions = self.held.iter_mut().enumerate().map(|(agent, held)| {
+            if !field.is_alive(field.agents[agent]) {
+                *held = Held::default();
+                return action::NO_OP;
+            }
+            held.action(&field, agent).unwrap_or_else(|| {
+                *held = Held::default();
+                field.free_action(agent)
+            })
+        });
+        // Legal actions are below the 6 + 360 + 1000 actions of the largest scenario.
+        actions.map(|action| action as u16).collect()
+    }
+}
+
+impl Held {
+    /// An order for an agent that nothing is carried out of yet.
+    fn new(field: &Field, agent: usize, order: Order) -> Result<Held, OrderError> {
+        let (mut order, mut seen_at) = (order, Vec2::ZERO);
         match order {
             Order::Move { x, y } if !(x.is_finite() && y.is_finite()) => {
                 return Err(OrderError::Destination { x, y });
@@ -129,29 +162,9 @@ impl Orders {
             }
             Order::None | Order::Stop | Order::Move { .. } => {}
         }
-        *held = Held { order, seen_at, ..Held::default() };
-        Ok(())
+        Ok(Held { order, seen_at, ..Held::default() })
     }
 
-    /// The actions of the next step, one per agent. Orders that are carried out end.
-    pub fn actions(&mut self, field: &Field) -> Vec<u16> {
-        let held = self.held.iter_mut().enumerate();
-        let actions = held.map(|(agent, held)| {
-            if !field.is_alive(field.agents[agent]) {
-                *held = Held::default();
-                return action::NO_OP;
-            }
-            held.action(field, agent).unwrap_or_else(|| {
-                *held = Held::default();
-                field.free_action(agent)
-            })
-        });
-        // Legal actions are below the 6 + 1000 actions of the largest scenario.
-        actions.map(|action| action as u16).collect()
-    }
-}
-
-impl Held {
     /// The action that carries the order out; none if there is nothing left of it.
     fn action(&mut self, field: &Field, agent: usize) -> Option<usize> {
         match self.order {
@@ -193,20 +206,26 @@ impl Held {
     }
 }
 
-/// A battle before a step, and the ids of its units.
-#[derive(Clone, Copy)]
-pub struct Field<'a> {
-    /// The scenario.
-    pub scenario: &'a Scenario,
-    /// The battle.
-    pub battle: &'a Battle,
-    /// The agents' battle-wide ids, by in-faction id.
-    pub agents: &'a [usize],
-    /// The enemies' likewise.
-    pub enemies: &'a [usize],
+/// A battle before a step.
+struct Field<'a> {
+    scenario: &'a Scenario,
+    battle: &'a Battle,
+    /// The type of every unit. An episode of a generated scenario has drawn them.
+    types: Vec<usize>,
+    agents: &'a [usize],
+    enemies: &'a [usize],
 }
 
-impl Field<'_> {
+impl<'a> Field<'a> {
+    fn new(
+        scenario: &'a Scenario,
+        battle: &'a Battle,
+        agents: &'a [usize],
+        enemies: &'a [usize],
+    ) -> Field<'a> {
+        Field { scenario, battle, types: battle.types().collect(), agents, enemies }
+    }
+
     fn is_alive(&self, unit: usize) -> bool {
         self.battle.units().alive[unit]
     }
@@ -216,7 +235,7 @@ impl Field<'_> {
     }
 
     fn unit_type(&self, unit: usize) -> &smaclite_units::UnitType {
-        &self.scenario.unit_types[self.scenario.units[unit].unit_type]
+        &self.scenario.unit_types[self.types[unit]]
     }
 
     /// The number of the action by which an agent attacks or heals a unit, if it can.
@@ -225,7 +244,9 @@ impl Field<'_> {
         let is_ally = self.scenario.units[unit].faction == Faction::Ally;
         let fits = is_ally == own.is_healer() && !(is_ally && other.is_healer());
         let fits = fits && own.can_attack(other.plane);
-        fits.then(|| action::FIRST_TARGET + self.scenario.units[unit].id_in_faction)
+        fits.then(|| {
+            self.battle.arena().first_target(Faction::Ally) + self.scenario.units[unit].id_in_faction
+        })
     }
 
     /// Whether an agent sees the unit, which is alive.

@@ -5,7 +5,7 @@ use std::io::{Read, Write};
 
 use flate2::{Compression, bufread::GzDecoder, write::GzEncoder};
 use serde_json::{Value, json};
-use smaclite_engine::policy::Random;
+use smaclite_engine::policy::{self, Random};
 use smaclite_engine::{BattleSetup, EpisodeLimit, Opponent, Rules, StreamPosition};
 use smaclite_scenarios::{Scenario, ScenarioFiles};
 use smaclite_view::{MAX_JSON_BYTES, Moment, Observer, Recorder, Replay, ReplayError};
@@ -93,6 +93,30 @@ fn a_file_is_written_and_read() {
     assert!(error.contains("none.smreplay: No such file"), "{error}");
     let error = Replay::read(folder.path()).unwrap_err().to_string();
     assert!(error.contains("not a regular file"), "{error}");
+}
+
+#[test]
+fn a_recording_can_be_read_while_it_goes_on() {
+    let mut recorder = Recorder::new(setup("3m"), 1).unwrap();
+    assert!(recorder.replay().episodes().is_empty());
+    let play = |recorder: &mut Recorder, steps| {
+        let mut actions = vec![0; 3];
+        for _ in 0..steps {
+            policy::nearest(recorder.battle(), &mut actions);
+            recorder.step(&actions).unwrap();
+        }
+    };
+    play(&mut recorder, 3);
+    recorder.reset();
+    play(&mut recorder, 2);
+    let before = recorder.replay();
+    before.verify().unwrap();
+    assert_eq!(before.episodes()[1].actions, recorder.actions());
+    play(&mut recorder, 2);
+    let (now, after) = (recorder.replay(), recorder.finish());
+    assert_same_episodes(&now, &after);
+    assert_eq!(before.episodes()[0], after.episodes()[0]);
+    assert_eq!(before.episodes()[1].actions, after.episodes()[1].actions[..2 * 3]);
 }
 
 #[test]

@@ -158,12 +158,7 @@ pub(crate) fn print_recorded(replay: &ReplayFile, file: &Path) -> CommandResult 
 /// How an episode ended.
 fn describe(replay: &ReplayFile, episode: &Episode) -> String {
     let outcome = &episode.outcome;
-    let end = match outcome {
-        _ if outcome.battle_won => "won after",
-        _ if outcome.terminated => "lost after",
-        _ if outcome.truncated => "truncated after",
-        _ => "recorded for",
-    };
+    let end = outcome.result().map_or("recorded for".to_owned(), |result| format!("{} after", result.name()));
     let sizes = replay.arena().sizes();
     format!(
         "{end} {} steps, return {:.2}, dead: {} of {} agents, {} of {} enemies",

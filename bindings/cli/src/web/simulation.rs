@@ -1,12 +1,12 @@
 //! Playing an episode by its actions, to the tick: one that a pool logged, or that a person plays.
 
-use super::protocol::{EpisodeResult, Steps};
+use super::protocol::Steps;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use smaclite_engine::{Arena, Battle, ExecutionOrder, RecordLayout, RecordSizes, Scratch, Snapshot, Step};
 use smaclite_scenarios::Scenario;
 use smaclite_view::page::{encode_moments, encode_step};
-use smaclite_view::{Moment, Observer};
+use smaclite_view::{EpisodeResult, Moment, Observer};
 use std::sync::Arc;
 
 /// An episode as far as it was played.
@@ -80,7 +80,7 @@ impl Simulation {
             decisions: STANDARD.encode(&decisions),
             episode_return: self.battle.episode_return(),
             length: self.battle.episode_length(),
-            result: self.newest.and_then(result),
+            result: self.newest.as_ref().and_then(EpisodeResult::after),
             is_over: false,
         })
     }
@@ -119,14 +119,4 @@ impl Simulation {
 
 fn actions_of(actions: &[u16], step: usize, n_actors: usize) -> &[u16] {
     actions.chunks_exact(n_actors).nth(step).unwrap_or_default()
-}
-
-/// How an episode ended, if the step ended it.
-fn result(step: Step) -> Option<EpisodeResult> {
-    match step {
-        Step { battle_won: true, .. } => Some(EpisodeResult::Won),
-        Step { terminated: true, .. } => Some(EpisodeResult::Lost),
-        Step { truncated: true, .. } => Some(EpisodeResult::Truncated),
-        _ => None,
-    }
 }

@@ -1,7 +1,9 @@
 //! A session as its page uses it.
 
 use super::*;
+use safetensors::{Dtype, tensor::TensorView};
 use serde_json::{Value, json};
+use smaclite_engine::{BattleSetup, Sizes};
 use smaclite_scenarios::{Placement, ScenarioFiles};
 
 /// The response to a request, or the error.
@@ -18,8 +20,9 @@ fn begin(scenario: &str, team: &str, actions: &[Value], taken: &[usize]) -> Valu
 /// The actions of an episode, from its replay.
 fn actions(session: &mut Session) -> Vec<Value> {
     let file = ask(session, json!({"type": "get_replay"}));
-    let opened = ask(session, json!({"type": "open_replay", "name": "a", "replay": file["replay"]}));
-    opened["episodes"][0]["actions"].as_array().unwrap().clone()
+    ask(session, json!({"type": "open_replay", "name": "a", "replay": file["replay"]}));
+    let replay: Value = serde_json::from_str(file["replay"].as_str().unwrap()).unwrap();
+    replay["episodes"][0]["actions"].as_array().unwrap().clone()
 }
 
 /// The test of `engine.js` plays the battles of the file that this one writes, in WebAssembly.
@@ -82,14 +85,56 @@ fn an_episode_of_a_replay_is_played_and_played_on() {
     ask(&mut session, json!({"type": "play_steps", "steps": 4}));
     let recorded = actions(&mut session);
     let of = json!({"kind": "episode", "episode": 0});
-    let begin =
-        json!({"type": "begin_battle", "of": of, "team": "nearest", "actions": recorded, "taken": []});
-    let begun = ask(&mut session, begin.clone());
-    assert_eq!((&begun["seed"], &begun["played"]["steps"]), (&json!("7"), &json!(4)));
+    let begin = json!({"type": "begin_battle", "of": of, "team": "nearest", "actions": null, "taken": []});
+    for (given, steps) in [(json!(recorded[..2 * 3]), 2), (json!([]), 0), (Value::Null, 4)] {
+        let mut begin = begin.clone();
+        begin["actions"] = given;
+        let begun = ask(&mut session, begin);
+        assert_eq!((&begun["seed"], &begun["played"]["steps"]), (&json!("7"), &json!(steps)));
+        assert_eq!(begun["played"]["n_moments"], 1 + 8 * steps);
+    }
     assert_eq!(ask(&mut session, json!({"type": "play_steps", "steps": 1}))["step"], 4);
     let mut other = begin;
     other["of"]["episode"] = json!(1);
     assert_eq!(ask(&mut session, other), "episode must be below 1, got 1");
+}
+
+/// A new battle after a replay was one of the standard scenario of the same name, or of none.
+#[test]
+fn an_episode_of_a_replay_says_which_scenario_a_new_battle_is_played_in() {
+    let mut session = Session::default();
+    ask(&mut session, begin("2s3z", "nearest", &[], &[]));
+    let moved = ask(&mut session, json!({"type": "move_unit", "unit": 0, "x": 3, "y": 20}));
+    let moved = moved["scenario"].as_str().unwrap();
+    let own = moved.replace("\"2s3z\"", "\"mine\"");
+    for scenario in ["2s3z", moved, &own, "terran_5_vs_5"] {
+        let begun = ask(&mut session, begin(scenario, "nearest", &[], &[]));
+        assert_eq!(begun["source"], scenario);
+        ask(&mut session, json!({"type": "play_steps", "steps": 1}));
+        actions(&mut session); // opens the replay
+        let of = json!({"kind": "episode", "episode": 0});
+        let episode =
+            json!({"type": "begin_battle", "of": of, "team": "nearest", "actions": [], "taken": []});
+        assert_eq!(ask(&mut session, episode)["source"], scenario);
+    }
+}
+
+/// It took the place of the replay that was shown, whose battle could not be begun again then.
+#[test]
+fn a_replay_without_an_episode_is_refused() {
+    let mut session = Session::default();
+    ask(&mut session, begin("3m", "nearest", &[], &[]));
+    ask(&mut session, json!({"type": "play_steps", "steps": 2}));
+    let file = ask(&mut session, json!({"type": "get_replay"}));
+    let mut open = json!({"type": "open_replay", "name": "a", "replay": file["replay"]});
+    assert_eq!(ask(&mut session, open.clone())["type"], "open_replay");
+    let mut replay: Value = serde_json::from_str(file["replay"].as_str().unwrap()).unwrap();
+    replay["episodes"] = json!([]);
+    open["replay"] = json!(replay.to_string());
+    assert_eq!(ask(&mut session, open), "the replay `a` has no episode");
+    let of = json!({"kind": "episode", "episode": 0});
+    let begin = json!({"type": "begin_battle", "of": of, "team": "nearest", "actions": [], "taken": []});
+    assert_eq!(ask(&mut session, begin)["type"], "begin_battle");
 }
 
 #[test]
@@ -114,6 +159,92 @@ fn what_cannot_be_played_is_refused() {
         assert!(answer.as_str().is_some_and(|error| error.contains(expected)), "{answer}: {expected}");
     }
     assert!(session.battle.is_none(), "a refused battle begins nothing");
+}
+
+/// The weights of a team of 3m that observes no actions, with so many hidden units.
+fn weights(hidden: usize) -> String {
+    let sizes =
+        ScenarioFiles::resolve("3m").map(|(_, files)| BattleSetup::new(files).arena().unwrap().1.sizes());
+    let Sizes { n_agents, n_actions, obs_size, .. } = sizes.unwrap();
+    let shapes = [
+        ("actor.0.weight", vec![hidden, obs_size]),
+        ("actor.0.bias", vec![hidden]),
+        ("actor.1.weight", vec![n_actions, hidden]),
+        ("actor.1.bias", vec![n_actions]),
+        ("actor.id_bias", vec![n_agents, hidden]),
+    ];
+    let zeros = vec![0; 4 * hidden.max(n_actions) * obs_size];
+    let tensors = shapes.map(|(name, shape)| {
+        let bytes = &zeros[..4 * shape.iter().product::<usize>()];
+        (name, TensorView::new(Dtype::F32, shape, bytes).unwrap())
+    });
+    STANDARD.encode(safetensors::serialize(tensors, None).unwrap())
+}
+
+/// Its first step panicked, and then the page answered nothing any more.
+#[test]
+fn a_team_whose_layers_are_empty_is_refused() {
+    let run = concat!(env!("CARGO_MANIFEST_DIR"), "/../../bindings/learn/zoo/3m/run.json");
+    let mut run: Value = serde_json::from_str(&std::fs::read_to_string(run).unwrap()).unwrap();
+    run["config"]["last_actions"] = json!(0);
+    let mut session = Session::default();
+    for (hidden, refusal) in [(4, None), (0, Some("at least one input and output, got the widths"))] {
+        run["config"]["hidden"] = json!([hidden]);
+        let (run, weights) = (run.to_string(), weights(hidden));
+        let added =
+            ask(&mut session, json!({"type": "add_team", "name": "a", "run": run, "weights": weights}));
+        let error = added.as_str();
+        assert!(error.is_some() == refusal.is_some() && error.unwrap_or("").contains(refusal.unwrap_or("")));
+    }
+    ask(&mut session, begin("3m", "a", &[], &[]));
+    assert_eq!(ask(&mut session, json!({"type": "play_steps", "steps": 2}))["steps"], 2);
+}
+
+/// A map of 32 x 32 squares whose square (x, y) is blocked if `is_blocked(x, y)`, as a request has it.
+fn rows(is_blocked: impl Fn(usize, usize) -> bool) -> Vec<String> {
+    (0..32).map(|y| (0..32).map(|x| if is_blocked(x, y) { 'X' } else { '_' }).collect()).collect()
+}
+
+#[test]
+fn a_painted_map_is_that_of_the_battle_and_of_its_replay() {
+    let mut session = Session::default();
+    for scenario in ["3m", "so_many_baneling", "terran_5_vs_5"] {
+        let before = ask(&mut session, begin(scenario, "nearest", &[], &[]))["scenario"].clone();
+        let rows = rows(|x, y| x < 2 || x == 31 && y > 3);
+        let painted = ask(&mut session, json!({"type": "paint_map", "rows": rows}));
+        let text = painted["scenario"].as_str().unwrap();
+        let after = ask(&mut session, begin(text, "nearest", &[], &[]))["scenario"].clone();
+        assert_eq!(after["obstacles"], json!([[0, 0, 2, 32], [31, 4, 32, 32]]), "{scenario}");
+        for key in ["name", "width", "height", "units", "types", "attack_point"] {
+            assert_eq!(after[key], before[key], "{scenario}: {key}");
+        }
+        ask(&mut session, json!({"type": "play_steps", "steps": 1000}));
+        let file = ask(&mut session, json!({"type": "get_replay"}));
+        ask(&mut session, json!({"type": "open_replay", "name": "a", "replay": file["replay"]}));
+        let of = json!({"kind": "episode", "episode": 0});
+        let begin = json!({"type": "begin_battle", "of": of, "team": "nearest", "actions": [], "taken": []});
+        assert_eq!(ask(&mut session, begin)["scenario"]["obstacles"], after["obstacles"]);
+    }
+    let painted = ask(&mut session, json!({"type": "paint_map", "rows": ["_X", "__"]}));
+    let error = ask(&mut session, begin(painted["scenario"].as_str().unwrap(), "nearest", &[], &[]));
+    assert!(error.as_str().unwrap().contains("a list of 32 rows"), "{error}");
+}
+
+#[test]
+fn what_is_probably_a_mistake_on_a_painted_map_is_a_warning() {
+    let mut session = Session::default();
+    let mut warnings = |is_blocked: fn(usize, usize) -> bool| {
+        // Three marines start around (9, 16), and three around (23, 16).
+        assert_eq!(ask(&mut session, begin("3m", "nearest", &[], &[]))["warnings"], json!([]));
+        let painted = ask(&mut session, json!({"type": "paint_map", "rows": rows(is_blocked)}));
+        let begun = ask(&mut session, begin(painted["scenario"].as_str().unwrap(), "nearest", &[], &[]));
+        serde_json::from_value::<Vec<String>>(begun["warnings"].clone()).unwrap()
+    };
+    assert_eq!(warnings(|x, _| x == 0), Vec::<String>::new());
+    let found = warnings(|x, _| x == 15);
+    assert!(matches!(&found[..], [one] if one.contains("no path connects the agents")), "{found:?}");
+    let found = warnings(|x, _| x < 15);
+    assert!(matches!(&found[..], [one] if one.contains("on a blocked square")), "{found:?}");
 }
 
 #[test]

@@ -15,15 +15,22 @@ struct War {
 
 impl War {
     fn new(name: &str) -> War {
-        let scenario = Scenario::standard(name).expect("a standard scenario");
-        let battle = Battle::new(Arc::new(Arena::new(&scenario, Rules::Smaclite)), 1);
-        let ids = |faction| {
-            let units = scenario.units.iter().enumerate();
-            units.filter(|(_, unit)| unit.faction == faction).map(|(id, _)| id).collect::<Vec<_>>()
-        };
-        let (agents, enemies) = (ids(Faction::Ally), ids(Faction::Enemy));
-        let orders = Orders::new(agents.len());
+        War::of(Scenario::standard(name).expect("a standard scenario"), 1)
+    }
+
+    fn of(scenario: Scenario, seed: u64) -> War {
+        let battle = Battle::new(Arc::new(Arena::new(&scenario, Rules::Smaclite)), seed);
+        let orders = Orders::new(&scenario);
+        let (agents, enemies) = (orders.agents.clone(), orders.enemies.clone());
         War { scenario, battle, agents, enemies, orders }
+    }
+
+    /// Whether an agent heals in this episode, and whether it does in the sample of the scenario.
+    fn heals(&self, agent: usize) -> (bool, bool) {
+        let unit = self.agents[agent];
+        let heals = |unit_type: usize| self.scenario.unit_types[unit_type].is_healer();
+        let drawn = self.battle.types().nth(unit).expect("a unit");
+        (heals(drawn), heals(self.scenario.units[unit].unit_type))
     }
 
     fn give(&mut self, agent: usize, order: Order) {
@@ -31,17 +38,15 @@ impl War {
     }
 
     fn try_give(&mut self, agent: usize, order: Order) -> Result<(), OrderError> {
-        let War { scenario, battle, agents, enemies, orders } = self;
-        orders.give(&Field { scenario, battle, agents, enemies }, agent, order)
+        self.orders.give(&self.scenario, &self.battle, &[AgentOrder { agent, order }])
     }
 
     /// Plays a step; returns its joint action.
     fn step(&mut self) -> Vec<i32> {
-        let War { scenario, battle, agents, enemies, orders } = self;
-        let actions = orders.actions(&Field { scenario, battle, agents, enemies });
+        let actions = self.orders.actions(&self.scenario, &self.battle);
         let actions: Vec<i32> = actions.into_iter().map(i32::from).collect();
-        battle.check(&actions).expect("available actions");
-        battle.step(&actions, &mut Scratch::new()).expect("available actions");
+        self.battle.check(&actions).expect("available actions");
+        self.battle.step(&actions, &mut Scratch::new()).expect("available actions");
         actions
     }
 
@@ -156,12 +161,8 @@ fn a_target_out_of_sight_is_sought_where_it_was_seen_last() {
 #[test]
 fn healers_heal_and_other_targets_are_places_to_go() {
     let mut war = War::new("MMM");
-    let is_healer = |war: &War, agent: usize| {
-        let unit = &war.scenario.units[war.agents[agent]];
-        war.scenario.unit_types[unit.unit_type].is_healer()
-    };
-    let healer = (0..war.agents.len()).find(|&agent| is_healer(&war, agent)).expect("a medivac");
-    let soldier = (0..war.agents.len()).find(|&agent| !is_healer(&war, agent)).expect("a marine");
+    let healer = (0..war.agents.len()).find(|&agent| war.heals(agent).0).expect("a medivac");
+    let soldier = (0..war.agents.len()).find(|&agent| !war.heals(agent).0).expect("a marine");
     let (medivac, marine, enemy) = (war.agents[healer], war.agents[soldier], war.enemies[0]);
 
     let heal = (action::FIRST_TARGET + soldier) as i32;
@@ -175,6 +176,38 @@ fn healers_heal_and_other_targets_are_places_to_go() {
         war.give(agent, Order::Target { unit });
         assert_eq!(war.order(agent), to(war.battle.units().pos[unit]), "agent {agent}, unit {unit}");
     }
+}
+
+/// They followed the sample of a generated scenario: "attack enemy 2" became "heal ally 2", a heal a move.
+#[test]
+fn orders_follow_the_types_that_an_episode_has_drawn() {
+    let terran = || Scenario::standard("terran_5_vs_5").expect("a generated scenario");
+    let is_other = |war: &War| (0..5).find(|&agent| war.heals(agent) == (true, false));
+    let found = (1..100).map(|seed| War::of(terran(), seed)).find(|war| is_other(war).is_some());
+    let mut war = found.expect("a drawn medivac");
+    let healer = is_other(&war).expect("a drawn medivac");
+    let soldier = (0..5).find(|&agent| !war.heals(agent).0).expect("a soldier");
+    let (hurt, enemy) = (war.agents[soldier], war.enemies[2]);
+    let beside = war.position(healer) + Vec2::X;
+    war.edit(|units| (units.pos[hurt], units.hp[hurt]) = (beside, 5.0));
+    war.give(healer, Order::Target { unit: enemy });
+    assert_eq!(war.order(healer), to(war.battle.units().pos[enemy]), "it can only go there");
+    war.give(healer, Order::Target { unit: hurt });
+    assert_eq!(war.step()[healer], (action::FIRST_TARGET + soldier) as i32);
+}
+
+/// With a field of view, looks stand before the targets, and "attack enemy 2" was one of them.
+#[test]
+fn an_attack_is_no_look() {
+    let mut scenario = Scenario::standard("protoss_5_vs_5").expect("a generated scenario");
+    let options = scenario.smacv2.as_mut().expect("options of SMACv2");
+    (options.conic_fov, options.num_fov_actions) = (true, 12);
+    let mut war = War::of(scenario, 1);
+    let (enemy, east) = (war.enemies[2], war.position(0) + Vec2::X); // where agents look at first
+    war.edit(|units| units.pos[enemy] = east);
+    assert_eq!(war.step()[0], 6 + 12 + 2, "it attacks what is near");
+    war.give(0, Order::Target { unit: enemy });
+    assert_eq!(war.step()[0], 6 + 12 + 2);
 }
 
 #[test]
@@ -191,7 +224,7 @@ fn a_stopped_unit_does_not_attack() {
 
 #[test]
 fn orders_of_any_kind_are_available_actions_to_the_end() {
-    for name in Scenario::standard_names() {
+    for name in Scenario::standard_names().chain(Scenario::generated_names()) {
         let mut war = War::new(name);
         let (width, height) = (war.scenario.terrain.width() as f32, war.scenario.terrain.height() as f32);
         let mut random = smaclite_engine::Generator::new(7);

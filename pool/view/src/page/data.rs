@@ -19,7 +19,7 @@ use smaclite_units::{Keyword, Targeter, UnitType};
 #[cfg(test)]
 use ts_rs::TS;
 
-use crate::{AttackKind, Moment, Replay, ReplayError, UnitMoment, type_letters};
+use crate::{AttackKind, EpisodeResult, Moment, Replay, ReplayError, UnitMoment, type_letters};
 
 /// Units of the columns of a moment, per square, second, or point.
 const POSITION: f32 = 256.0;
@@ -42,6 +42,8 @@ pub struct ScenarioInfo {
     units: Vec<UnitInfo>,
     n_agents: usize,
     n_actions: usize,
+    /// The action of an agent that means its first target. Looks stand before it, if there are any.
+    first_target: usize,
     episode_limit: Option<u32>,
     sight_range: f64,
     units_per: UnitsPer,
@@ -151,6 +153,7 @@ pub fn scenario_info(scenario: &Scenario, arena: &Arena) -> ScenarioInfo {
         units: units.collect(),
         n_agents: arena.sizes().n_agents,
         n_actions: arena.sizes().n_actions,
+        first_target: arena.first_target(Faction::Ally),
         episode_limit: arena.episode_limit(),
         sight_range: SIGHT_RANGE,
         units_per: UnitsPer { position: POSITION, points: POINTS, seconds: SECONDS, turn: DIRECTIONS as i32 },
@@ -214,12 +217,7 @@ pub(super) fn episode(replay: &Replay, index: usize) -> Result<EpisodeData, Repl
         draws: episode.start.draws,
         steps: episode.n_steps() as u32,
         episode_return: outcome.episode_return,
-        result: match outcome {
-            _ if outcome.battle_won => "won",
-            _ if outcome.terminated => "lost",
-            _ if outcome.truncated => "truncated",
-            _ => "unfinished",
-        },
+        result: outcome.result().map_or("unfinished", EpisodeResult::name),
         dead: [outcome.dead_allies, outcome.dead_enemies],
         rewards,
         n_moments: moments.len(),
@@ -318,6 +316,7 @@ mod tests {
             UnitsPer::decl(&config),
             ReplayData::decl(&config),
             EpisodeData::decl(&config),
+            EpisodeResult::decl(&config),
             Features::decl(&config),
             Order::decl(&config),
             AgentOrder::decl(&config),

@@ -35,7 +35,9 @@ macro_rules! modules {
 
 /// The modules that show battles; pages import them as `#view/name.js`.
 const MODULES: &[Module] = modules![
+    "actions.js",
     "battle.js",
+    "brush.js",
     "camera.js",
     "chart.js",
     "commander.js",
@@ -49,6 +51,7 @@ const MODULES: &[Module] = modules![
     "player.js",
     "replay.js",
     "selection.js",
+    "squares.js",
     "terrain.js",
     "theme.js",
     "track.js",

@@ -31,8 +31,11 @@ mod recorder;
 
 use std::sync::Arc;
 
-use smaclite_engine::{Arena, BattleSetup, Opponent, Snapshot, StreamPosition};
+use serde::Serialize;
+use smaclite_engine::{Arena, BattleSetup, Opponent, Snapshot, Step, StreamPosition};
 use smaclite_scenarios::Scenario;
+#[cfg(test)]
+use ts_rs::TS;
 
 pub use error::ReplayError;
 pub use file::{MAX_FILE_BYTES, MAX_JSON_BYTES, SUFFIX};
@@ -82,6 +85,51 @@ pub struct Outcome {
     pub dead_allies: u32,
     /// Number of enemies that died.
     pub dead_enemies: u32,
+}
+
+impl Outcome {
+    /// How the episode ended, if its end was recorded.
+    pub fn result(&self) -> Option<EpisodeResult> {
+        EpisodeResult::of(self.battle_won, self.terminated, self.truncated)
+    }
+}
+
+/// How an episode ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+#[cfg_attr(test, derive(TS))]
+pub enum EpisodeResult {
+    /// The agents have won.
+    Won,
+    /// The enemies have won, or nobody.
+    Lost,
+    /// The episode limit was reached.
+    Truncated,
+}
+
+impl EpisodeResult {
+    /// How a step ended the episode, if it did.
+    pub fn after(step: &Step) -> Option<EpisodeResult> {
+        EpisodeResult::of(step.battle_won, step.terminated, step.truncated)
+    }
+
+    fn of(battle_won: bool, terminated: bool, truncated: bool) -> Option<EpisodeResult> {
+        match (battle_won, terminated, truncated) {
+            (true, _, _) => Some(EpisodeResult::Won),
+            (_, true, _) => Some(EpisodeResult::Lost),
+            (_, _, true) => Some(EpisodeResult::Truncated),
+            _ => None,
+        }
+    }
+
+    /// Its name in data and texts.
+    pub fn name(self) -> &'static str {
+        match self {
+            EpisodeResult::Won => "won",
+            EpisodeResult::Lost => "lost",
+            EpisodeResult::Truncated => "truncated",
+        }
+    }
 }
 
 /// A recording that this program can play.

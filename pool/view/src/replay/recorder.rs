@@ -110,7 +110,7 @@ impl Recorder {
     ) -> Result<Step, IllegalAction> {
         let step = self.checksum.play_step(&mut self.battle, actions, &mut self.scratch, observe)?;
         self.step_checksums.push(self.checksum.value() as u16);
-        // Legal actions are below the 6 + 1000 actions of the largest scenario and its 360 looks.
+        // Legal actions are below the 6 + 360 + 1000 actions of the largest scenario.
         self.actions.extend(actions.iter().map(|&action| action as u16));
         self.outcome = Outcome::of(&self.battle, &step);
         Ok(step)
@@ -145,27 +145,48 @@ impl Recorder {
         Ok(())
     }
 
-    /// The recording, including the episode that is not over.
+    /// The joint actions of this episode so far: `[steps, n_actors]`, row by row.
+    pub fn actions(&self) -> &[u16] {
+        &self.actions
+    }
+
+    /// How far this episode has come.
+    pub fn outcome(&self) -> &Outcome {
+        &self.outcome
+    }
+
+    /// The recording so far, including the episode that is not over.
+    pub fn replay(&self) -> Replay {
+        let mut replay = self.replay.clone();
+        replay.episodes.extend(self.episode());
+        replay
+    }
+
+    /// As [`replay`](Self::replay), without a copy.
     pub fn finish(mut self) -> Replay {
         self.end_episode();
         self.replay
     }
 
+    /// This episode so far, if it has a step.
+    fn episode(&self) -> Option<Episode> {
+        (!self.step_checksums.is_empty()).then(|| Episode {
+            start: self.start,
+            opponent: self.battle.opponent(),
+            snapshot: self.snapshot.clone(),
+            actions: self.actions.clone(),
+            outcome: self.outcome,
+            step_checksums: self.step_checksums.clone(),
+            checksum: self.checksum.value(),
+        })
+    }
+
     fn end_episode(&mut self) {
-        let checksum = std::mem::take(&mut self.checksum).value();
-        let outcome = std::mem::take(&mut self.outcome);
-        let (snapshot, opponent) = (self.snapshot.take(), self.battle.opponent());
-        if !self.step_checksums.is_empty() {
-            self.replay.episodes.push(Episode {
-                start: self.start,
-                opponent,
-                snapshot,
-                actions: std::mem::take(&mut self.actions),
-                outcome,
-                step_checksums: std::mem::take(&mut self.step_checksums),
-                checksum,
-            });
-        }
+        let episode = self.episode();
+        self.replay.episodes.extend(episode);
+        self.actions.clear();
+        self.step_checksums.clear();
+        (self.snapshot, self.checksum, self.outcome) = Default::default();
     }
 }
 

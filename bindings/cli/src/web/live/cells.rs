@@ -1,13 +1,13 @@
 //! The cells of the grid: the newest row of every environment, as far as frames showed it.
 
 use super::battles::Battles;
-use crate::web::protocol::{EpisodeResult, GridCell};
+use crate::web::protocol::GridCell;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use smaclite_ipc::Batch;
 use smaclite_pool::fields::Field;
-use smaclite_view::Moment;
 use smaclite_view::page::encode_moments;
+use smaclite_view::{EpisodeResult, Moment};
 use std::ops::Range;
 
 pub(super) struct Cells {

@@ -8,7 +8,7 @@
  * The version of the messages that this page was written for.
  * @type {Version}
  */
-const VERSION = 3;
+const VERSION = 4;
 
 /** Milliseconds until a lost connection is tried again. */
 const RETRY_AFTER = 1000;

@@ -1,8 +1,8 @@
 // Written by a test of protocol/mod.rs, from the types there:
 // SMACLITE_WRITE=1 cargo test protocol
-import type { AgentOrder, Features, Order, ScenarioInfo, TypeInfo } from "#view/data.d.ts";
+import type { AgentOrder, EpisodeResult, Features, Order, ScenarioInfo, TypeInfo } from "#view/data.d.ts";
 
-export type Version = 3;
+export type Version = 4;
 type UnitFile = { name: string; keys: string[]; text: string };
 export type ScenarioFiles = { source: string; text: string; unit_files: UnitFile[] };
 export type Problem = {
@@ -106,7 +106,6 @@ export type SnapshotFile = { name: string,
  * In base64.
  */
 record: string, };
-export type EpisodeResult = "won" | "lost" | "truncated";
 export type Builtins = { 
 /**
  * The text of a new scenario.

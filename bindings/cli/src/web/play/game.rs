@@ -8,7 +8,7 @@ use base64::engine::general_purpose::STANDARD;
 use smaclite_engine::{Arena, Battle, BattleSetup, IllegalAction};
 use smaclite_learn::{TrainedTeam, UnfitTeam};
 use smaclite_scenarios::{Faction, Problems, Scenario};
-use smaclite_view::{AgentOrder, Field, OrderError, Orders, Recorder, ReplayError, SUFFIX};
+use smaclite_view::{AgentOrder, OrderError, Orders, Recorder, ReplayError, SUFFIX};
 use std::sync::Arc;
 
 /// What all battles of the command have in common.
@@ -16,9 +16,6 @@ pub(super) struct Game {
     pub(super) setup: BattleSetup,
     pub(super) scenario: Scenario,
     pub(super) arena: Arc<Arena>,
-    /// Battle-wide ids by in-faction id.
-    agents: Vec<usize>,
-    enemies: Vec<usize>,
     /// Plays the enemies, if no script does.
     team: Option<TrainedTeam>,
 }
@@ -67,17 +64,12 @@ impl Game {
         if let Some(team) = &team {
             team.check(&arena, Faction::Enemy)?;
         }
-        let ids = |faction| {
-            let units = scenario.units.iter().enumerate();
-            units.filter(|(_, unit)| unit.faction == faction).map(|(id, _)| id).collect()
-        };
-        let (agents, enemies) = (ids(Faction::Ally), ids(Faction::Enemy));
-        Ok(Game { setup, scenario, arena: Arc::new(arena), agents, enemies, team })
+        Ok(Game { setup, scenario, arena: Arc::new(arena), team })
     }
 
     /// The battle of a seed, after these actions of the agents.
     pub(super) fn begin(&self, seed: u64, actions: &[u16]) -> Result<(Played<'_>, PlayedSteps), GameError> {
-        let (n_agents, given) = (self.agents.len(), actions.len());
+        let (n_agents, given) = (self.arena.sizes().n_agents, actions.len());
         if !given.is_multiple_of(n_agents) {
             return Err(GameError::ActionCount { n_agents, given });
         }
@@ -87,7 +79,7 @@ impl Game {
             self.log_step(rehearsal.battle(), agents.iter().copied(), seed, &mut log);
             rehearsal.play_to(step + 1, &log)?;
         }
-        let (simulation, orders) = (self.start(seed)?, Orders::new(n_agents));
+        let (simulation, orders) = (self.start(seed)?, Orders::new(&self.scenario));
         let mut played = Played { game: self, seed, simulation, orders, actions: log };
         let steps = played.encode(given / n_agents)?;
         Ok((played, steps))
@@ -100,26 +92,23 @@ impl Game {
 
     /// Appends a joint action: those of the agents, and those that the team chooses for the enemies.
     fn log_step(&self, battle: &Battle, agents: impl Iterator<Item = u16>, seed: u64, log: &mut Vec<u16>) {
-        let (n_agents, n_actors) = (self.agents.len(), self.arena.sizes().n_actors());
+        let sizes = self.arena.sizes();
+        let (n_agents, n_actors) = (sizes.n_agents, sizes.n_actors());
         let step = log.len() / n_actors;
         let enemies = self.team.as_ref().map(|team| {
             let past = log.chunks_exact(n_actors).rev().map(|joint| &joint[n_agents..]);
             team.act(battle, Faction::Enemy, past, seed, step as u64)
         });
         log.extend(agents);
-        // Legal actions are below the 6 + 1000 actions of the largest scenario and its 360 looks.
+        // Legal actions are below the 6 + 360 + 1000 actions of the largest scenario.
         log.extend(enemies.into_iter().flatten().map(|action| action as u16));
-    }
-
-    fn field<'a>(&'a self, battle: &'a Battle) -> Field<'a> {
-        Field { scenario: &self.scenario, battle, agents: &self.agents, enemies: &self.enemies }
     }
 }
 
 impl Played<'_> {
     /// Gives orders, all of them or none.
     pub(super) fn give(&mut self, orders: &[AgentOrder]) -> Result<(), OrderError> {
-        self.orders.give_all(&self.game.field(self.simulation.battle()), orders)
+        self.orders.give(&self.game.scenario, self.simulation.battle(), orders)
     }
 
     pub(super) fn orders(&self) -> &Orders {
@@ -132,7 +121,7 @@ impl Played<'_> {
             return Err(GameError::Over);
         }
         let battle = self.simulation.battle();
-        let actions = self.orders.actions(&self.game.field(battle));
+        let actions = self.orders.actions(&self.game.scenario, battle);
         self.game.log_step(battle, actions.into_iter(), self.seed, &mut self.actions);
         self.encode(1)
     }

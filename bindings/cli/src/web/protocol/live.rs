@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 use smaclite_pool::LaneStats;
+use smaclite_view::EpisodeResult;
 use smaclite_view::page::{Features, ScenarioInfo};
 #[cfg(test)]
 use ts_rs::TS;
@@ -25,6 +26,7 @@ pub(crate) struct Steps {
     pub(in crate::web) episode_return: f64,
     pub(in crate::web) length: u32,
     /// How the last of them ended the episode, if it did.
+    #[cfg_attr(test, ts(type = "EpisodeResult | null"))]
     pub(in crate::web) result: Option<EpisodeResult>,
     /// Whether the episode has no more steps.
     pub(in crate::web) is_over: bool,
@@ -37,16 +39,6 @@ pub(crate) struct SnapshotFile {
     pub(in crate::web) name: String,
     /// In base64.
     pub(in crate::web) record: String,
-}
-
-/// How an episode ended.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-#[serde(rename_all = "snake_case")]
-#[cfg_attr(test, derive(TS))]
-pub(crate) enum EpisodeResult {
-    Won,
-    Lost,
-    Truncated,
 }
 
 #[derive(Debug, Serialize)]
@@ -74,8 +66,10 @@ pub(crate) struct GridCell {
     #[serde(rename = "return")]
     pub(in crate::web) episode_return: Option<f32>,
     /// How the episode ended that the row shows the end of.
+    #[cfg_attr(test, ts(type = "EpisodeResult | null"))]
     pub(in crate::web) outcome: Option<EpisodeResult>,
     /// How the last episode ended whose end was seen.
+    #[cfg_attr(test, ts(type = "EpisodeResult | null"))]
     pub(in crate::web) last: Option<EpisodeResult>,
     /// One moment in base64.
     pub(in crate::web) moment: Option<String>,

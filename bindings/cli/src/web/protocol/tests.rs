@@ -54,7 +54,6 @@ fn description() -> String {
         BeginBattle,
         Steps,
         SnapshotFile,
-        EpisodeResult,
         Builtins,
         NamedText,
         Preset,
@@ -82,7 +81,8 @@ fn description() -> String {
     format!(
         "// Written by a test of protocol/mod.rs, from the types there:\n\
          // SMACLITE_WRITE=1 cargo test protocol\n\
-         import type {{ AgentOrder, Features, Order, ScenarioInfo, TypeInfo }} from \"#view/data.d.ts\";\n\n\
+         import type {{ AgentOrder, EpisodeResult, Features, Order, ScenarioInfo, TypeInfo }} \
+         from \"#view/data.d.ts\";\n\n\
          export type Version = {VERSION};\n{FOREIGN}{declarations}"
     )
 }

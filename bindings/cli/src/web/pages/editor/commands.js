@@ -3,9 +3,9 @@
 
 import { all, byId } from "#view/dom.js";
 import { theme } from "#view/theme.js";
-import { TOOL_KEYS } from "./brush.js";
 import { tell } from "./message.js";
 import { TABS } from "./problems.js";
+import { TOOL_KEYS } from "./tools.js";
 
 /** @import { EditorPage } from "./editor.js" */
 /** @import { Tab } from "./problems.js" */

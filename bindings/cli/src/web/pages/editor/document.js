@@ -1,16 +1,17 @@
 // @ts-check
 // ScenarioDocument: a scenario as the texts of its files, with undo, and what the editor does to them.
 
+import { rowsOf } from "#view/squares.js";
 import { agreed, withTypeIds } from "./agreement.js";
 import { Formats } from "./formats.js";
 import { History } from "./history.js";
 import { JsonText, Raw, linesOf } from "./json.js";
-import { readMap, rowsOf } from "./squares.js";
+import { readMap } from "./squares.js";
 
 /** @import { Builtins, ScenarioFiles } from "../protocol.d.ts" */
 /** @import { Merge, State, UnitText } from "./history.js" */
 /** @import { Path } from "./json.js" */
-/** @import { EditedMap } from "./squares.js" */
+/** @import { EditedMap } from "#view/squares.js" */
 /**
  * A group as the file has it, which may be invalid: the units are keys and their counts.
  * @typedef {{ x: any, y: any, faction: any, units: [string, any][] }} ReadGroup

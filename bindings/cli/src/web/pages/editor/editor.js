@@ -6,7 +6,6 @@ import { clamp } from "#view/numbers.js";
 import { theme } from "#view/theme.js";
 import { Connection, messageOf } from "../connection.js";
 import { Arena } from "./arena.js";
-import { TOOL_HINTS } from "./brush.js";
 import { Commands } from "./commands.js";
 import { ScenarioDocument, isNumber, stemOf } from "./document.js";
 import { button } from "./fields.js";
@@ -16,6 +15,7 @@ import { MapEditor } from "./map.js";
 import { say } from "./message.js";
 import { Checker, TABS } from "./problems.js";
 import { TextPanel } from "./text.js";
+import { TOOL_HINTS } from "./tools.js";
 import { TypesPanel } from "./types.js";
 
 /** @import { Builtins, OpenedFiles, ScenarioFiles } from "../protocol.d.ts" */

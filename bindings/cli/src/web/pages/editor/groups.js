@@ -14,7 +14,7 @@ import { SNAP } from "./map.js";
 /** @import { FieldKind, FieldOptions } from "./fields.js" */
 /** @import { Merge } from "./history.js" */
 /** @import { Path } from "./json.js" */
-/** @import { EditedMap } from "./squares.js" */
+/** @import { EditedMap } from "#view/squares.js" */
 
 /** @type {{ [faction: string]: string }} */
 const FACTION_NAMES = { ALLY: "Allies", ENEMY: "Enemies" };

@@ -2,20 +2,19 @@
 // MapEditor: the map and the groups on the canvas, and what the pointer and the keys do to them.
 
 import { BattleView } from "#view/battle.js";
+import { Brush, LARGEST_BRUSH, squareFrom } from "#view/brush.js";
 import { clamp } from "#view/numbers.js";
-import { theme } from "#view/theme.js";
-import { Brush, LARGEST_BRUSH } from "./brush.js";
+import { rectanglesOf } from "#view/squares.js";
 import { isNumber } from "./document.js";
 import { Handles } from "./handles.js";
-import { rectanglesOf } from "./squares.js";
 import { StartTrack, infoOf } from "./start.js";
 
 /** @import { EditorPage } from "./editor.js" */
 
 /** @import { UnitInfo } from "#view/data.d.ts" */
+/** @import { EditedMap } from "#view/squares.js" */
 /** @import { ScenarioDocument } from "./document.js" */
 /** @import { Layout } from "./problems.js" */
-/** @import { EditedMap } from "./squares.js" */
 /** @typedef {[number, number]} Point */
 /**
  * What the pointer does while it is down; `from` is where it went down, until it has moved.
@@ -114,20 +113,7 @@ export class MapEditor extends BattleView {
 
   drawBrush() {
     if (!this.square || !this.brush.isDrawing) return;
-    const { context } = this;
-    context.save();
-    context.beginPath();
-    const map = this.draft ?? this.page.doc.map();
-    for (const [x, y] of this.brush.shape(this.corner ?? this.square, this.square)) {
-      if (x < 0 || y < 0 || x >= map.width || y >= map.height) continue;
-      context.rect(...this.terrain.rect(x, y, x + 1, y + 1));
-    }
-    context.fillStyle = theme.faint(this.brush.paints ? "text" : "focus", 0.28);
-    context.fill();
-    context.lineWidth = 1.2;
-    context.strokeStyle = theme.colours.focus;
-    if (this.scale > 6) context.stroke();
-    context.restore();
+    this.terrain.mark(this.brush.shape(this.corner ?? this.square, this.square), this.brush.paints);
   }
 
   /** @param {string} tool */
@@ -370,10 +356,8 @@ export class MapEditor extends BattleView {
    * @param {Point} direction
    * @param {number} by
    */
-  moveSquare([dx, dy], by) {
-    const { width, height } = this.info;
-    const [x, y] = this.square ?? [Math.floor(width / 2), Math.floor(height / 2)];
-    this.square = [clamp(x + dx * by, 0, width - 1), clamp(y + dy * by, 0, height - 1)];
+  moveSquare(direction, by) {
+    this.square = squareFrom(this.square, direction, by, this.info);
     this.page.showPointer({ square: this.square });
     this.page.redraw();
   }

@@ -10,8 +10,8 @@ import { Track, bytesOf } from "#view/track.js";
 import { TICKS_PER_SECOND, TICKS_PER_STEP } from "#view/transport.js";
 import { Connection, ConnectionLost, messageOf } from "../connection.js";
 
-/** @import { AgentOrder } from "#view/data.d.ts" */
-/** @import { EpisodeResult, GameInfo, PlayedSteps } from "../protocol.d.ts" */
+/** @import { AgentOrder, EpisodeResult } from "#view/data.d.ts" */
+/** @import { GameInfo, PlayedSteps } from "../protocol.d.ts" */
 
 /** Seconds before the end of a step is shown, when the next one is requested. */
 const LEAD = 0.06;

@@ -11,8 +11,8 @@ import { TICKS_PER_STEP } from "#view/transport.js";
 import { ConnectionLost, messageOf } from "../connection.js";
 
 /** @import { Box } from "#view/camera.js" */
-/** @import { Features, ScenarioInfo } from "#view/data.d.ts" */
-/** @import { EpisodeInfo, EpisodeResult, Steps } from "../protocol.d.ts" */
+/** @import { EpisodeResult, Features, ScenarioInfo } from "#view/data.d.ts" */
+/** @import { EpisodeInfo, Steps } from "../protocol.d.ts" */
 /** @typedef {import("../connection.js").Connection["request"]} Request */
 /**
  * What is known of an episode.

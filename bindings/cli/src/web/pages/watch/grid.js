@@ -9,8 +9,8 @@ import { theme } from "#view/theme.js";
 import { Track, bytesOf } from "#view/track.js";
 
 /** @import { Box } from "#view/camera.js" */
-/** @import { ScenarioInfo } from "#view/data.d.ts" */
-/** @import { EpisodeResult, GridCell } from "../protocol.d.ts" */
+/** @import { EpisodeResult, ScenarioInfo } from "#view/data.d.ts" */
+/** @import { GridCell } from "../protocol.d.ts" */
 
 /** Milliseconds per picture that the grid may draw; cells that do not fit wait for the next picture. */
 const GRID_BUDGET = 8;

@@ -1,31 +1,7 @@
 // @ts-check
 // Brush: the squares that a drawing tool covers, and maps that are drawn on.
 
-/** The keys that choose tools, and what the page says about them. */
-/** @type {{ [key: string]: string | undefined }} */
-export const TOOL_KEYS = {
-  v: "select",
-  b: "brush",
-  e: "erase",
-  r: "rectangle",
-  l: "line",
-  f: "fill",
-  a: "goal",
-  g: "ally",
-  h: "enemy",
-};
-/** @type {{ [tool: string]: string }} */
-export const TOOL_HINTS = {
-  select: "Click a group to edit it, drag it to move it; drag the map to move the view",
-  brush: "Drag to draw; the right button draws the opposite",
-  erase: "Drag to make squares walkable",
-  rectangle: "Drag from corner to corner",
-  line: "Drag from end to end",
-  fill: "Click an area to fill it",
-  goal: "Click or drag to where the enemies march",
-  ally: "Click where the new group starts",
-  enemy: "Click where the new group starts",
-};
+import { clamp } from "./numbers.js";
 
 /** @import { EditedMap } from "./squares.js" */
 /** @typedef {[x: number, y: number]} Square */
@@ -46,6 +22,19 @@ function squaresBetween([x0, y0], [x1, y1]) {
     Math.round(x0 + ((x1 - x0) * i) / steps),
     Math.round(y0 + ((y1 - y0) * i) / steps),
   ]);
+}
+
+/**
+ * The square so many squares away, as far as the map goes; without a square, away from the middle.
+ * @param {Square | null} square
+ * @param {[dx: number, dy: number]} direction
+ * @param {number} by
+ * @param {{ width: number, height: number }} map
+ * @returns {Square}
+ */
+export function squareFrom(square, [dx, dy], by, { width, height }) {
+  const [x, y] = square ?? [Math.floor(width / 2), Math.floor(height / 2)];
+  return [clamp(x + dx * by, 0, width - 1), clamp(y + dy * by, 0, height - 1)];
 }
 
 export class Brush {

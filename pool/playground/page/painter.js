@@ -1,0 +1,232 @@
+// @ts-check
+// Painter: the mode in which a person draws on the map, with the brush of the scenario editor. The battle
+// begins anew after every stroke.
+
+import { Brush, LARGEST_BRUSH, squareFrom } from "#view/brush.js";
+import { ARROWS } from "#view/commander.js";
+import { all, byId } from "#view/dom.js";
+import { clamp } from "#view/numbers.js";
+import { rowsOf, squaresOf } from "#view/squares.js";
+
+/** @import { Square } from "#view/brush.js" */
+/** @import { At, Handlers } from "#view/controls.js" */
+/** @import { EditedMap } from "#view/squares.js" */
+/** @import { Playground } from "./playground.js" */
+
+/** How many squares the brush moves at a time with shift. */
+const FAR = 5;
+const GUIDE =
+  "Drag over squares to make them blocked or walkable. The battle begins anew after every stroke.";
+
+export class Painter {
+  /** @param {Playground} page */
+  constructor(page) {
+    this.page = page;
+    this.isOn = false;
+    this.brush = new Brush();
+    this.brush.tool = "brush";
+    /** @type {Square | null} Where the brush is, by pointer or keys. */
+    this.square = null;
+    /** @type {{ map: EditedMap, at: Square } | null} The map while it is drawn on, and where. */
+    this.stroke = null;
+    /** @type {string[]} The scenarios before the strokes that led to the newest one. */
+    this.past = [];
+    this.newest = "";
+    /** Whether the whole map is shown only to paint it. */
+    this.hasFitted = false;
+  }
+
+  listen() {
+    byId("paint").addEventListener("click", () => this.start());
+    byId("painted").addEventListener("click", () => this.stop());
+    byId("undo").addEventListener("click", () => this.undo());
+    for (const button of all("[data-tool]"))
+      button.addEventListener("click", () => this.choose(button.dataset.tool ?? ""));
+    for (const button of all("[data-size]"))
+      button.addEventListener("click", () => this.resize(Number(button.dataset.size)));
+  }
+
+  /** Goes back to the start of the battle, to draw on its map. */
+  start() {
+    const { page } = this;
+    if (page.source.kind !== "scenario") return;
+    page.clock.playing = false;
+    page.seek(0);
+    page.field.selection.clear();
+    page.selected();
+    this.isOn = true;
+    this.hasFitted = !page.view.wholeMap;
+    if (this.hasFitted) page.fit();
+    this.show();
+    page.note(GUIDE);
+    page.view.canvas.focus({ preventScroll: true });
+  }
+
+  stop() {
+    const { page } = this;
+    const hasFocus = byId("brush").contains(document.activeElement);
+    this.isOn = false;
+    this.giveUp();
+    this.square = null;
+    if (this.hasFitted && page.view.wholeMap) page.fit();
+    this.show();
+    if (hasFocus) byId("paint").focus();
+  }
+
+  /** Ends the mode when the battle is played; called for every picture. */
+  update() {
+    byId("paint").disabled = this.page.source.kind !== "scenario";
+    if (this.isOn && !this.page.isAtStart) this.stop();
+  }
+
+  /** Shows the mode, its tools, and the squares that the brush covers. */
+  show() {
+    const { brush, square, isOn, page } = this;
+    document.body.classList.toggle("painting", isOn);
+    for (const button of all("[data-tool]"))
+      button.setAttribute("aria-pressed", String(button.dataset.tool === brush.tool));
+    byId("size").textContent = String(brush.size);
+    byId("undo").disabled = !this.canUndo;
+    page.arena.marked =
+      isOn && square ? { squares: brush.shape(square, square), isBlocked: brush.paints } : null;
+    page.redraw();
+  }
+
+  /** @param {string} tool */
+  choose(tool) {
+    this.brush.tool = tool;
+    this.show();
+  }
+
+  /** @param {number} by */
+  resize(by) {
+    this.brush.size = clamp(this.brush.size + by, 1, LARGEST_BRUSH);
+    this.show();
+  }
+
+  /**
+   * What mouse and fingers do in this mode.
+   * @returns {Partial<Handlers>}
+   */
+  handlers() {
+    return {
+      tap: (at) => this.finish(this.squareAt(at)),
+      draw: ({ x0, y0, x1, y1 }) => this.extend(this.squareAt([x0, y0]), this.squareAt([x1, y1])),
+      box: (box) => (box ? this.finish(this.squareAt([box.x1, box.y1])) : this.giveUp()),
+      command: () => {},
+      hover: (at) => this.point(this.squareAt(at)),
+      leave: () => this.point(null),
+    };
+  }
+
+  /**
+   * @param {At} at
+   * @returns {Square}
+   */
+  squareAt(at) {
+    const { x, y } = this.page.view.toSquares(...at);
+    return [Math.floor(x), Math.floor(y)];
+  }
+
+  /** @param {Square | null} square */
+  point(square) {
+    this.square = square;
+    this.page.view.hovered = -1;
+    this.show();
+  }
+
+  /**
+   * Draws to a square: from where the stroke is, or else begins one.
+   * @param {Square} from
+   * @param {Square} to
+   */
+  extend(from, to) {
+    const { brush, page } = this,
+      { map, at } = this.stroke ?? { map: squaresOf(page.info), at: from };
+    this.stroke = { map: brush.drawn(map, at, to, brush.paints), at: to };
+    page.arena.showMap(this.stroke.map);
+    this.point(to);
+  }
+
+  /**
+   * Ends the stroke at a square, and begins the battle on the map that it has drawn.
+   * @param {Square} to
+   */
+  finish(to) {
+    this.extend(to, to);
+    const { page, stroke } = this,
+      before = squaresOf(page.info).blocked,
+      past = [...(this.canUndo ? this.past : []), page.shared.scenario];
+    if (stroke?.map.blocked.some((square, i) => square !== before[i])) {
+      const rows = rowsOf(stroke.map);
+      if (page.change(() => page.engine.request({ type: "paint_map", rows }).scenario))
+        Object.assign(this, { past, newest: page.shared.scenario });
+    }
+    this.giveUp();
+  }
+
+  /** Forgets the stroke, if there is one, and shows the map of the battle. */
+  giveUp() {
+    if (this.stroke) this.page.arena.showMap(squaresOf(this.page.info));
+    this.stroke = null;
+    this.show();
+  }
+
+  /** Whether the scenario is still the one that the last stroke made. */
+  get canUndo() {
+    return this.past.length > 0 && this.newest === this.page.shared.scenario;
+  }
+
+  undo() {
+    const before = this.canUndo ? this.past.at(-1) : undefined;
+    if (before === undefined || !this.page.change(() => before)) return;
+    this.past.pop();
+    this.newest = before;
+    this.show();
+  }
+
+  /**
+   * Does what a key does in this mode; says whether it does nothing else.
+   * @param {KeyboardEvent} event
+   */
+  key(event) {
+    const { key, shiftKey, ctrlKey, metaKey, altKey } = event;
+    if (altKey || byId("keys").open) return false;
+    const command = ctrlKey || metaKey ? this.shortcut(key) : this.command(key, shiftKey ? FAR : 1);
+    if (command) {
+      event.preventDefault();
+      command();
+    }
+    // No agents are selected.
+    return command !== undefined || (this.isOn && /^(Tab|[0-9])$/.test(key));
+  }
+
+  /** @param {string} key */
+  shortcut(key) {
+    return this.isOn && key === "z" ? () => this.undo() : undefined;
+  }
+
+  /**
+   * @param {string} key
+   * @param {number} by
+   * @returns {(() => void) | undefined}
+   */
+  command(key, by) {
+    if (!this.isOn) return key === "p" ? () => this.start() : undefined;
+    /** @type {{ [key: string]: () => void }} */
+    const commands = {
+      b: () => this.choose("brush"),
+      e: () => this.choose("erase"),
+      "[": () => this.resize(-1),
+      "]": () => this.resize(1),
+      p: () => this.stop(),
+      Escape: () => this.stop(),
+    };
+    for (const [arrow, way] of Object.entries(ARROWS))
+      commands[arrow] = () => this.point(squareFrom(this.square, way, by, this.page.info));
+    // Elsewhere it presses a button.
+    if (document.activeElement === this.page.view.canvas)
+      commands.Enter = () => this.finish(this.square ?? squareFrom(null, [0, 0], 0, this.page.info));
+    return commands[key];
+  }
+}
