@@ -58,7 +58,7 @@ pub(crate) struct Training {
 /// What an update did, and how far the run is. Statistics of episodes are of the newest 200; they are NaN
 /// before the first episode has ended.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[allow(missing_docs)] // `columns` has the names, and docs/tutorials/training.md their meaning
+#[allow(missing_docs)] // `columns` has the names, and docs/how-to/training.md their meaning
 pub struct Record {
     pub updates: u64,
     pub steps: u64,

@@ -61,8 +61,6 @@ pub(super) struct Train {
     /// attack_move]
     #[arg(long, conflicts_with = "pool", value_name = "NAME|WEIGHTS|FOLDER|self|league")]
     opponent: Option<OpponentOption>,
-    #[command(flatten)]
-    self_play: SelfPlayOptions,
     /// Train that many runs in this process, as many at a time as there are threads; their seeds are --seed,
     /// the next number, and so on. With --resume, those of them that are missing begin: also more seeds for
     /// runs that are complete
@@ -84,6 +82,9 @@ pub(super) struct Train {
     /// over them [default: 2000000]
     #[arg(long, value_name = "N", value_parser = whole(1..=1_u64 << 48))]
     steps: Option<u64>,
+    // After the other options: its heading is that of all that follow.
+    #[command(flatten)]
+    self_play: SelfPlayOptions,
     #[command(flatten)]
     hyperparameters: Hyperparameters,
 }
@@ -93,7 +94,7 @@ macro_rules! hyperparameters {
     ($($(#[doc = $doc:literal])+ $name:ident: $type:ty $(= $parser:expr)?,)+) => {
         #[derive(Args, Default)]
         #[group(id = "hyperparameters", multiple = true, conflicts_with = "resume")]
-        #[command(next_help_heading = "Hyperparameters (docs/tutorials/training.md)")]
+        #[command(next_help_heading = "Hyperparameters (docs/how-to/training.md)")]
         struct Hyperparameters {
             $($(#[doc = $doc])+ #[arg(long $(, value_parser = $parser)?)]
                 $name: Option<$type>,)+

@@ -87,12 +87,12 @@ pub(super) fn policies(folder: &Path, quality: Quality) -> Result<Vec<(Policy, P
         return Err(QualityError::NoEvaluations { folder: shown });
     }
     let policy = |evaluation: EvaluationRow| {
-        let path = files.weights(evaluation.steps)?;
+        let path = files.weights(evaluation.steps);
         let name = path.strip_prefix(folder).unwrap_or(&path).display().to_string();
         let (training_steps, sampled_win_rate) = (Some(evaluation.steps), Some(evaluation.sampled.win_rate));
-        Ok((Policy { name, training_steps, sampled_win_rate }, path))
+        (Policy { name, training_steps, sampled_win_rate }, path)
     };
-    choose(&evaluations, quality, &shown)?.into_iter().map(policy).collect()
+    Ok(choose(&evaluations, quality, &shown)?.into_iter().map(policy).collect())
 }
 
 fn choose(

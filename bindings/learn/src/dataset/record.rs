@@ -252,7 +252,7 @@ impl Recording {
         let players = battles::Players { agents: player, enemies: None };
         play.in_lockstep(arena, players, rows, *count, scratch, |battle, actions, step| {
             let played = &mut played[battle];
-            // An available action is below the 6 + 1000 actions of the largest scenario.
+            // An available action is below the 6 + 360 + 1000 actions of the largest scenario.
             played.actions.extend(actions.iter().map(|&action| action as u16));
             played.end = End::of(step);
             played.length += 1;

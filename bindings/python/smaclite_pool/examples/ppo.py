@@ -8,7 +8,7 @@ agents share one policy, which sees an agent's own observation and its number. T
 uses, sees an agent's observation (IPPO: one value per agent) or the state (MAPPO: one per environment).
 
 Algorithm, defaults, log and names of weights are those of `smaclite-pool train`, which is faster
-(docs/tutorials/training.md). This file is to be read and changed: from top to bottom, options, networks,
+(docs/how-to/training.md). This file is to be read and changed: from top to bottom, options, networks,
 advantages, the learner, log, and the loop around it. The same seed gives the same log on a CPU.
 
 Axes of arrays: T steps of a rollout, N environments, A agents, V values per environment (1 or A).
