@@ -119,7 +119,7 @@ impl LoggedEpisode {
         if self.actions.capacity() - self.actions.len() < n_actors {
             self.actions.reserve_exact((self.actions.len() / 4).max(16 * n_actors));
         }
-        // A checked action is below the 6 + 360 + 1000 actions of the largest scenario and its 360 looks.
+        // A checked action is below the 6 + 360 + 1000 actions of the largest scenario.
         self.actions.extend(actions.map(|action| action as u16));
     }
 }
