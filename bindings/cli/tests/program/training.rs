@@ -158,17 +158,17 @@ fn ctrl_c_writes_a_checkpoint() {
 fn an_output_that_is_closed_loses_no_training() {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
-    // Lines are of evaluations, as those of the progress come every five seconds.
     let arguments = format!("train 3m --steps 1e8 --evaluate-every 2k --out run {SMALL}");
     let mut child = program(folder, &arguments)
         .stdout(Stdio::piped())
         .stderr(Stdio::null())
         .spawn()
         .expect("the program starts");
-    let mut line = String::new();
-    let mut printed = BufReader::new(child.stdout.take().expect("a pipe"));
-    printed.read_line(&mut line).expect("a line");
-    assert!(line.starts_with("3m: evaluated at 0 steps"), "{line}");
+    // The next line of an update comes five seconds after the first, so that of an evaluation fails.
+    let mut printed = BufReader::new(child.stdout.take().expect("a pipe")).lines();
+    let lines = [(); 2].map(|()| printed.next().expect("a line").expect("text"));
+    assert!(lines[0].starts_with("3m: evaluated at 0 steps"), "{lines:?}");
+    assert!(lines[1].contains(" of 100000000 steps"), "{lines:?}");
     drop(printed);
     child.wait().expect("an end");
     let log = fs::read_to_string(folder.join("run/log.csv")).expect("the log");
