@@ -15,6 +15,9 @@ use tungstenite::{Message, WebSocket};
 /// Longer than anything takes on a busy machine.
 pub const PATIENCE: Duration = Duration::from_secs(30);
 
+/// The version of the messages, as the scripts of the pages say it.
+pub const VERSION: u32 = 4;
+
 /// A runtime directory, and the programs that run in it. Dropping it removes what killed pools left behind.
 pub struct Place {
     folder: TempDir,
@@ -154,7 +157,7 @@ impl Url {
         stream.set_read_timeout(Some(PATIENCE)).expect("a timeout");
         let (socket, _) = tungstenite::client(request, stream).expect("a WebSocket");
         let mut page = OpenPage { socket, next: 1, events: Vec::new() };
-        page.request("hello", json!({"version": 3}));
+        page.request("hello", json!({"version": VERSION}));
         page
     }
 }

@@ -1,7 +1,7 @@
 //! The page of a running pool, as a browser's requests see it: who gets it, what it is sent, and that nothing
 //! that a page sends harms the program or the pool.
 
-use crate::page_kit::{PATIENCE, Place, Program, Url};
+use crate::page_kit::{PATIENCE, Place, Program, Url, VERSION};
 use serde_json::{Value, json};
 use smaclite_ipc::{Client, Spectator, WaitOptions, status};
 use std::io::{BufRead, BufReader, Write};
@@ -213,7 +213,7 @@ fn a_page_of_another_version_is_told_to_be_reloaded() {
     let mut page = url.open();
     assert!(page.error("hello", json!({"version": 1_000_000})).ends_with("reload the page"));
     assert!(page.error("unfollow", json!({})).ends_with("reload the page"));
-    page.request("hello", json!({"version": 3}));
+    page.request("hello", json!({"version": VERSION}));
     page.request("unfollow", json!({}));
 }
 
