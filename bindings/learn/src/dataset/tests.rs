@@ -198,8 +198,8 @@ fn write_evaluations(folder: &std::path::Path, evaluations: &[(u64, f64)]) {
     std::fs::write(folder.join("run/evaluations.csv"), table).unwrap();
 }
 
-/// A team chooses the actions of some episodes at once. Which these are must not depend on the threads, nor on
-/// how many episodes are wanted.
+/// A team chooses the actions of some episodes at once. Which these are must not depend on the threads, nor
+/// on how many episodes are wanted.
 #[test]
 fn threads_and_amounts_change_no_action_of_a_team() {
     let folder = tempfile::tempdir().unwrap();
