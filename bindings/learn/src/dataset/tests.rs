@@ -1,5 +1,5 @@
-//! Datasets are recorded, expanded and read with the same bits, for any number of threads and of episodes; and
-//! files that are damaged are refused (`damage`).
+//! Datasets are recorded, expanded and read with the same bits, for any number of threads and of episodes;
+//! and files that are damaged are refused (`damage`).
 
 mod damage;
 
