@@ -33,6 +33,13 @@ def write(path: Path, rows: Iterable[Row]) -> None:
     new.replace(path)
 
 
+def sees_state(scenario: str) -> bool:
+    """Whether the critic of the default configuration does (`STATE_CRITIC_AGENTS` of the learner)."""
+    import smaclite_pool as sp  # which not all tools need
+
+    return len(sp.scenario(scenario)["allies"]) >= 6
+
+
 def time_share(log: list[Row], column: str) -> float:
     """The mean of a share of the updates' times, weighted by these times."""
     seconds = [float(row["seconds"]) for row in log]

@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Iterable
 from statistics import median
 
+from . import data
 from .data import Row
 
 PAPER = {
@@ -23,6 +24,7 @@ Cells = list[str]
 
 def tables(
     runs: list[Row],
+    other_critic: list[Row],
     paper_rules: list[Row],
     shares: list[Row],
     round_trip: float,
@@ -31,12 +33,14 @@ def tables(
     played: list[Row],
     rated: list[Row],
 ) -> dict[str, str]:
-    """All tables by name, in Markdown. `runs` and `paper_rules` are of the reports of both rule sets; a round
-    trip of 64 environments that do nothing is in microseconds; `scripts` is the page with the returns of the
-    scripted policies; `played` is of teams and opponents, `rated` has the ratings of teams and scripts."""
+    """All tables by name, in Markdown. `runs` are those of the default configuration, `other_critic` of
+    that with the other critic and `paper_rules` of that with the other rules; a round trip of 64 environments
+    that do nothing is in microseconds; `scripts` is the page with the returns of the scripted policies;
+    `played` is of teams and opponents, `rated` has the ratings of teams and scripts."""
     return {
         "commands": commands(runs),
         "maps": maps(runs),
+        "critics": critics(runs, other_critic),
         "paper": paper(runs),
         "rules": rules(runs, paper_rules),
         "shares": time_shares(shares, round_trip),
@@ -129,6 +133,23 @@ def maps(runs: list[Row]) -> str:
         ]
 
     return markdown(header, (cells(*found) for found in by_task(runs)))
+
+
+def critics(runs: list[Row], other_critic: list[Row]) -> str:
+    """Medians with both critics, per scenario: wins with greedy and with sampled actions, and the time."""
+    header = ["scenario"]
+    header += [
+        f"{critic}: {what}"
+        for critic in ("state", "observation")
+        for what in ("greedy (%)", "sampled (%)", "CPU-seconds")
+    ]
+    columns = {"greedy_win_rate": percent, "sampled_win_rate": percent, "cpu_seconds": whole}
+    others = dict(by_task(other_critic))
+    lines = []
+    for task, rows in by_task(runs):
+        both = [rows, others[task]] if data.sees_state(task) else [others[task], rows]
+        lines.append([task] + [middle(of, name, form) for of in both for name, form in columns.items()])
+    return markdown(header, lines)
 
 
 def by_task(runs: list[Row]) -> Iterable[tuple[str, list[Row]]]:

@@ -24,12 +24,17 @@ EVALUATE_EVERY = 100_000
 
 GROUPS: dict[str, dict[str, list[str]]] = {
     "default": {scenario: [] for scenario in sp.scenarios(generated=False)},
+    "other-critic": {
+        scenario: ["--algorithm", "ippo" if data.sees_state(scenario) else "mappo"]
+        for scenario in sp.scenarios(generated=False)
+    },
     "paper-rules": {"MMM": ["--rules", "paper"]},
 }
 """What is trained for each report: scenarios, with options other than the defaults."""
 
 KEPT = {
     "default": ("runs.csv", "curves-win_rate.svg", "curves-win_rate-dark.svg"),
+    "other-critic": ("runs.csv",),
     "paper-rules": ("runs.csv",),
 }
 """Files of each report that the documentation keeps."""

@@ -73,6 +73,16 @@ def test_rule_sets_are_compared_by_scenario() -> None:
     ]
 
 
+def test_critics_are_compared_by_scenario() -> None:
+    """That of 25m sees the state by default, that of 3m an observation."""
+    runs = [run("25m", 1, 1.0), run("3m", 1, 1.0)]
+    other_critic = [run("25m", 1, 0.2), run("25m", 2, 0.5), run("25m", 3, 0.9), run("3m", 1, 0.8)]
+    assert tables.critics(runs, other_critic).splitlines()[2:] == [
+        "| 25m | 100.0 | 100.0 | 30 | 50.0 | 50.0 | 30 |",
+        "| 3m | 80.0 | 80.0 | 30 | 100.0 | 100.0 | 30 |",
+    ]
+
+
 def test_shares_of_time_add_up() -> None:
     measured = {"scenario": "MMM2", "steps": "64000", "environment": "2", "inference": "1", "learning": "1"}
     cells = tables.time_shares([measured], 11.72).splitlines()[-1].split("|")

@@ -7,13 +7,12 @@ use serde::{Deserialize, Serialize};
 use smaclite_pool::MAX_LAST_ACTIONS;
 
 /// What the critic sees.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Algorithm {
     /// The state: one value per environment.
     Mappo,
     /// The agent's own observation: one value per agent.
-    #[default]
     Ippo,
 }
 
@@ -133,13 +132,17 @@ pub struct Config {
 /// of 2 and of 27 explore as long as they should.
 pub const TEAM_ENTROPY: f64 = 0.3;
 
+/// The fewest agents whose critic sees the state by default. An observation says little of a battle of many
+/// units whose reward the team shares; in a small team, it says what the agent itself is worth to it.
+pub const STATE_CRITIC_AGENTS: usize = 6;
+
 impl Config {
     /// The default hyperparameters for a team of that many agents.
     pub fn for_agents(n_agents: usize) -> Config {
         Config {
             seed: 0,
             steps: 2_000_000,
-            algorithm: Algorithm::Ippo,
+            algorithm: if n_agents >= STATE_CRITIC_AGENTS { Algorithm::Mappo } else { Algorithm::Ippo },
             last_actions: 4,
             num_envs: 64,
             horizon: 64,

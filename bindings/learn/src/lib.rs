@@ -67,7 +67,8 @@ mod zoo;
 mod zoo_cards;
 
 pub use config::{
-    Activation, Algorithm, Config, ConfigError, Enemies, SelfPlay, TEAM_ENTROPY, UnknownKeyword,
+    Activation, Algorithm, Config, ConfigError, Enemies, STATE_CRITIC_AGENTS, SelfPlay, TEAM_ENTROPY,
+    UnknownKeyword,
 };
 pub use dataset::{
     ARRAYS, Amount, ArrayName, ArraySpec, Card, Dataset, DatasetError, Distribution,

@@ -115,7 +115,8 @@ macro_rules! hyperparameters {
 hyperparameters! {
     /// Seed of weights, environments, actions and minibatches [default: 0]
     seed: u64 = seed(),
-    /// What the critic sees: the state (mappo) or the agent's observation (ippo) [default: ippo]
+    /// What the critic sees: the state (mappo) or the agent's observation (ippo) [default: mappo for 6 agents
+    /// or more, ippo for fewer]
     algorithm: Algorithm,
     /// Number of its own last actions that an agent observes, 0 to 16; as in the pool, if --pool is given
     /// [default: 4]

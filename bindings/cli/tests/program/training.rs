@@ -3,7 +3,7 @@
 use crate::kit::{check_error, output, program};
 use crate::page_kit::Place;
 use serde_json::Value;
-use smaclite_learn::TEAM_ENTROPY;
+use smaclite_learn::{STATE_CRITIC_AGENTS, TEAM_ENTROPY};
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::process::Stdio;
@@ -372,6 +372,7 @@ fn the_help_states_the_defaults() {
     for (name, value) in config.iter().filter(|(name, _)| *name != "steps") {
         let default = match (name.as_str(), value) {
             ("entropy", _) => format!("{TEAM_ENTROPY} divided by the number of agents"),
+            ("algorithm", _) => format!("mappo for {STATE_CRITIC_AGENTS} agents or more, ippo for fewer"),
             (_, Value::Array(widths)) => widths.iter().map(Value::to_string).collect::<Vec<_>>().join(","),
             (_, Value::String(keyword)) => keyword.clone(),
             (_, number) => number.as_f64().expect("a number").to_string(),

@@ -1,11 +1,11 @@
-"""PPO of a team in one file: IPPO, or MAPPO with `--algorithm mappo`.
+"""PPO of a team in one file: MAPPO or IPPO (`--algorithm`).
 
     python -m smaclite_pool.examples.ppo 2s3z --steps 500000 --seed 1
 
 Proximal policy optimisation (Schulman et al., 2017) repeats two phases: play some steps of all environments
 with the current policy, then improve policy and critic by a few passes of gradient steps over these data. All
 agents share one policy, which sees an agent's own observation and its number. The critic, which only training
-uses, sees an agent's observation (IPPO: one value per agent) or the state (MAPPO: one per environment).
+uses, sees the state (MAPPO: one value per environment) or an agent's observation (IPPO: one per agent).
 
 Algorithm, defaults, log and names of weights are those of `smaclite-pool train`, which is faster
 (docs/how-to/training.md). This file is to be read and changed: from top to bottom, options, networks,
@@ -22,7 +22,7 @@ import json
 import time
 from collections import defaultdict, deque
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -41,6 +41,10 @@ TEAM_ENTROPY = 0.3
 """The more agents explore at once, the less can each of them learn from the reward that they share. So the
 default weight of the entropy is divided by their number."""
 
+STATE_CRITIC_AGENTS = 6
+"""The fewest agents whose critic sees the state by default. An observation says little of a battle of many
+units whose reward the team shares; in a small team, it says what the agent itself is worth to it."""
+
 
 def option(default: Any, text: str, choices: list[str] | None = None) -> Any:
     return field(default=default, metadata={"help": f"{text} (default: %(default)s)", "choices": choices})
@@ -52,7 +56,9 @@ class Options:
 
     scenario: str = "2s3z"
     algorithm: str = option(
-        "ippo", "what the critic sees: the state (mappo) or an observation (ippo)", ["mappo", "ippo"]
+        "by size",
+        "what the critic sees: state (mappo) or observation (ippo); by size: mappo for 6 agents or more",
+        ["mappo", "ippo", "by size"],
     )
     steps: int = option(2_000_000, "environment steps of the run")
     seed: int = option(0, "of weights, environments, actions and minibatches")
@@ -409,6 +415,9 @@ def train(options: Options, make_envs: Callable[[Options, int], Any] = make) -> 
     """Trains a team, and writes log and weights to its folder."""
     torch.manual_seed(options.seed)
     torch.set_num_threads(options.torch_threads)
+    if options.algorithm == "by size":
+        n_agents = len(sp.scenario(options.scenario)["allies"])
+        options = replace(options, algorithm="mappo" if n_agents >= STATE_CRITIC_AGENTS else "ippo")
     folder = Path(options.out) / f"{Path(options.scenario).stem}-{options.algorithm}-{options.seed}"
     folder.mkdir(parents=True)
     (folder / "options.json").write_text(json.dumps(asdict(options), indent=2))
