@@ -147,7 +147,8 @@ def critics(runs: list[Row], other_critic: list[Row]) -> str:
     others = dict(by_task(other_critic))
     lines = []
     for task, rows in by_task(runs):
-        both = [rows, others[task]] if data.sees_state(task) else [others[task], rows]
+        other = others.get(task, [])
+        both = [rows, other] if data.sees_state(task) else [other, rows]
         lines.append([task] + [middle(of, name, form) for of in both for name, form in columns.items()])
     return markdown(header, lines)
 

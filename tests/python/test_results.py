@@ -99,7 +99,7 @@ def test_a_table_is_replaced_and_the_text_around_it_stays() -> None:
 
 
 def test_the_page_has_a_place_for_every_table() -> None:
-    for name, table in tables.tables([], [], [], 8.0, [], "", [], []).items():
+    for name, table in tables.tables([], [], [], [], 8.0, [], "", [], []).items():
         tables.insert(PAGE.read_text(), name, table)
 
 
@@ -158,7 +158,8 @@ def test_a_mark_that_is_wrong_is_found(tmp_path: Path, mark: str, message: str) 
 
 @pytest.mark.skipif(find_spec("matplotlib") is None, reason="matplotlib is not installed")
 def test_equal_data_gives_equal_pictures(tmp_path: Path) -> None:
-    for name in ("elo.csv", "shares.csv", "search.csv", "opponents.csv", "default", "paper-rules"):
+    reports = ("default", "other-critic", "paper-rules")
+    for name in ("elo.csv", "shares.csv", "search.csv", "opponents.csv", *reports):
         source = data.FOLDER / name
         shutil.copytree(source, tmp_path / name) if source.is_dir() else shutil.copy(source, tmp_path / name)
     text = tmp_path / "page.md"
