@@ -253,7 +253,8 @@ fmt: _ruff _node
 lint: _ruff lint-github lint-js lint-rust
     {{ python }} -m ruff format --check
     {{ python }} -m ruff check
-    @LC_ALL=C.UTF-8 grep -rnE '.{111}' --include='*.rs' --include='*.py' --include='*.pyi' --exclude-dir=target \
+    @LC_ALL=C.UTF-8 grep -rnE '.{111}' --include='*.rs' --include='*.py' --include='*.pyi' --include='*.js' \
+        --exclude-dir=target \
         units scenarios pool ipc bindings tests benches; \
         test $? -eq 1 || { echo "error: the lines above are longer than 110 columns" >&2; exit 1; }
     python3 bindings/notices.py --check

@@ -54,8 +54,8 @@ test("a battle that is played otherwise than recorded is refused", { skip }, asy
   );
 });
 
-/** @type {{ scenario: string, team: string, opponent: string, steps: number, result: string, checksum: string,
- *   obs: string }[]} */
+/** @type {{ scenario: string, team: string, opponent: string, steps: number, result: string,
+ *   checksum: string, obs: string }[]} */
 const battles = JSON.parse(readFileSync(new URL("engine.test.json", import.meta.url), "utf8"));
 
 // A Rust test of src/session.rs writes what the native engine does.

@@ -1,6 +1,6 @@
 // @ts-check
-// Links: a battle as the part of an address after `#`, as `scenario=2s3z&seed=1&team=nearest&actions=...`. It is
-// all that is needed to play the battle again, to the bit.
+// Links: a battle as the part of an address after `#`, as `scenario=2s3z&seed=1&team=nearest&actions=...`. It
+// is all that is needed to play the battle again, to the bit.
 
 /**
  * A battle: its scenario (a name, or the text of a file), who plays, and the joint actions of its steps.

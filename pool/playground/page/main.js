@@ -1,6 +1,6 @@
 // @ts-check
-// The page of the playground: starts the engine that is inside the page, with the teams that are there too, and
-// begins the battle of the link.
+// The page of the playground: starts the engine that is inside the page, with the teams that are there too,
+// and begins the battle of the link.
 
 import { titleCase } from "#view/battle.js";
 import { byId } from "#view/dom.js";
@@ -28,8 +28,8 @@ const GUIDES = {
 };
 
 /**
- * The battle of the address, as the engine begins it. If the link names no team, one plays that was trained on
- * the map; the team of a link may have been added to another page, and then a script plays on.
+ * The battle of the address, as the engine begins it. If the link names no team, one plays that was trained
+ * on the map; the team of a link may have been added to another page, and then a script plays on.
  * @param {Engine} engine
  * @param {string} link
  */

@@ -46,7 +46,7 @@ export class Playground extends Commander {
     this.episodeReturn = 0;
     /** @type {EpisodeResult | null} */
     this.result = null;
-    /** Whether the team goes on where the battle ends; not in an episode of a replay, until somebody plays. */
+    /** Whether the team goes on where the battle ends; not in a replay, until somebody plays. */
     this.goesOn = true;
     this.mover = new Mover(this);
     this.painter = new Painter(this);

@@ -1,5 +1,6 @@
 // @ts-check
-// Commander: a player in which a person selects agents and gives them orders. Pages say what becomes of orders.
+// Commander: a player in which a person selects agents and gives them orders. Pages say what becomes of
+// orders.
 
 import { byId } from "./dom.js";
 import { Controls } from "./controls.js";

@@ -1,5 +1,6 @@
 // @ts-check
-// Controls: what mouse and fingers do on the map. A finger draws boxes like the left button; two move the map.
+// Controls: what mouse and fingers do on the map. A finger draws boxes like the left button; two move the
+// map.
 
 /** @typedef {[number, number]} At */
 /** @import { Rectangle } from "./selection.js" */

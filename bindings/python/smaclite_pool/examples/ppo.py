@@ -209,6 +209,9 @@ class Learner:
     """Networks, optimisers and a rollout."""
 
     def __init__(self, envs: sp.Envs, options: Options) -> None:
+        if options.algorithm == "by size":
+            algorithm = "mappo" if envs.n_agents >= STATE_CRITIC_AGENTS else "ippo"
+            options = replace(options, algorithm=algorithm)
         self.envs, self.options, self.device = envs, options, torch.device(options.device)
         self.sees_state = options.algorithm == "mappo"
         n_agents, hidden = envs.n_agents, [int(width) for width in options.hidden.split(",")]
@@ -415,16 +418,15 @@ def train(options: Options, make_envs: Callable[[Options, int], Any] = make) -> 
     """Trains a team, and writes log and weights to its folder."""
     torch.manual_seed(options.seed)
     torch.set_num_threads(options.torch_threads)
-    if options.algorithm == "by size":
-        n_agents = len(sp.scenario(options.scenario)["allies"])
-        options = replace(options, algorithm="mappo" if n_agents >= STATE_CRITIC_AGENTS else "ippo")
-    folder = Path(options.out) / f"{Path(options.scenario).stem}-{options.algorithm}-{options.seed}"
-    folder.mkdir(parents=True)
-    (folder / "options.json").write_text(json.dumps(asdict(options), indent=2))
     episodes: deque[tuple[float, bool, int]] = deque(maxlen=200)  # return, won and length
     update = steps = n_episodes = 0
     with make_envs(options, options.num_envs) as envs:
-        learner, log = Learner(envs, options), Log(folder)
+        learner = Learner(envs, options)
+        options = learner.options
+        folder = Path(options.out) / f"{Path(options.scenario).stem}-{options.algorithm}-{options.seed}"
+        folder.mkdir(parents=True)
+        (folder / "options.json").write_text(json.dumps(asdict(options), indent=2))
+        log = Log(folder)
         evaluations = evaluations_of(learner, folder, log.clock)
         batch = envs.reset(seed=1_000_000 * (options.seed + 1))  # the evaluation has other seeds
         while steps < options.steps:

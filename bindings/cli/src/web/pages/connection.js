@@ -2,7 +2,10 @@
 // Connection: requests to the program that serves this page, and the events that it sends. Rust declares the
 // messages (`web/protocol`) and writes their types to protocol.d.ts.
 
-/** @import { EventMessage, PageEvent, PageRequest, PageResponse, ResponseMessage, Version } from "./protocol.d.ts" */
+/**
+ * @import { EventMessage, PageEvent, PageRequest, PageResponse, ResponseMessage, Version }
+ *   from "./protocol.d.ts"
+ */
 
 /**
  * The version of the messages that this page was written for.

@@ -1,6 +1,6 @@
 // @ts-check
-// A scenario as a document: undo and redo, and what must agree after an edit. The keys of files and what is built
-// in are those of the program (builtins.json, written by a test of editor/builtins.rs).
+// A scenario as a document: undo and redo, and what must agree after an edit. The keys of files and what is
+// built in are those of the program (builtins.json, written by a test of editor/builtins.rs).
 
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";

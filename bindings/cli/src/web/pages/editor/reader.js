@@ -5,8 +5,8 @@
 const DEEPEST = 127;
 
 /**
- * A value in the text, from offset `start` to `end`. A scalar has a `value`, a list has `items`, an object has
- * `entries`.
+ * A value in the text, from offset `start` to `end`. A scalar has a `value`, a list has `items`, an object
+ * has `entries`.
  * @typedef {{ kind: string, start: number, end: number, value?: string | number | boolean | null,
  *   items?: JsonNode[], entries?: JsonEntry[] }} JsonNode
  * @typedef {{ key: string, start: number, keyEnd: number, node: JsonNode }} JsonEntry
