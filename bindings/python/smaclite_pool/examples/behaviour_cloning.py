@@ -136,10 +136,10 @@ def learn(policy: Mlp, learnt: Rows, held_out: Rows, options: Options) -> None:
             optimiser.step()
             schedule.step()
             losses.append(loss.detach())
-        loss, accuracy = measure(policy, held_out)
+        held_out_loss, accuracy = measure(policy, held_out)
         print(
             f"epoch {epoch + 1} of {options.epochs}: loss {torch.stack(losses).mean().item():.3f}, "
-            f"of episodes held out {loss:.3f}, {accuracy:.1%} of their actions",
+            f"of episodes held out {held_out_loss:.3f}, {accuracy:.1%} of their actions",
             flush=True,
         )
 
