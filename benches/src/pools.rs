@@ -40,19 +40,30 @@ impl Meter {
         Ok(workload.measure(&pool, &self.interrupted)?)
     }
 
-    /// Measures the workloads in turn, once per round, and returns the median steps/s of each.
-    fn in_turn(&self, workloads: &[Workload]) -> Result<Vec<f64>, Box<dyn Error>> {
+    /// Measures the workloads in turn, once per round, and returns the median steps/s of each. Of every
+    /// workload, so many copies run at once, each with a thread of its own; their steps are added.
+    fn in_turn(&self, workloads: &[(usize, Workload)]) -> Result<Vec<f64>, Box<dyn Error>> {
         let mut results = vec![Vec::new(); workloads.len()];
         for _ in 0..self.rounds {
-            for (results, workload) in results.iter_mut().zip(workloads) {
-                results.push(self.measure(workload)?.steps_per_s);
+            for (results, (copies, workload)) in results.iter_mut().zip(workloads) {
+                results.push(self.at_once(*copies, workload)?);
             }
         }
         Ok(results.into_iter().map(median).collect())
     }
+
+    fn at_once(&self, copies: usize, workload: &Workload) -> Result<f64, String> {
+        let measure = || self.measure(workload).map_err(|error| error.to_string());
+        std::thread::scope(|scope| {
+            let threads: Vec<_> = (0..copies).map(|_| scope.spawn(measure)).collect();
+            let results = threads.into_iter().map(|thread| thread.join().expect("a measurement panicked"));
+            results.map(|result| result.map(|result| result.steps_per_s)).sum()
+        })
+    }
 }
 
-/// Prints steps/s of pools with 1, 2, 4, ... threads, up to the number of cores, and of the engine alone.
+/// Prints steps/s of pools with 1, 2, 4, ... threads, up to the number of cores, and of as many engines at
+/// once.
 pub(crate) fn efficiency(rounds: usize, scenarios: &[String]) -> Result<(), Box<dyn Error>> {
     let meter = Meter::new(rounds)?;
     let cores = std::thread::available_parallelism()?.get();
@@ -63,22 +74,25 @@ pub(crate) fn efficiency(rounds: usize, scenarios: &[String]) -> Result<(), Box<
         let workload = Workload { time, ..Workload::new(scenario)? };
         for policy in [Policy::Nearest, Policy::Random, Policy::Sampled] {
             let engine = |mode| Workload { policy, mode, ..workload.clone() };
-            let mut workloads = vec![engine(Mode::Engine), engine(Mode::InTurn)];
+            let mut workloads = vec![(1, engine(Mode::InTurn))];
+            workloads.extend(threads.iter().map(|&threads| (threads, engine(Mode::Engine))));
             for mode in [Mode::Embedded, Mode::Attached] {
                 workloads.extend(threads.iter().map(|&threads| {
                     let options = PoolOptions { threads, ..workload.options };
-                    Workload { policy, mode, options, ..workload.clone() }
+                    (1, Workload { policy, mode, options, ..workload.clone() })
                 }));
             }
             let steps = meter.in_turn(&workloads)?;
-            let (embedded, attached) = steps[2..].split_at(threads.len());
-            let (alone, in_turn) = (steps[0], steps[1] / steps[0]);
+            let [engines, embedded, attached] = std::array::from_fn(|i| &steps[1 + i * threads.len()..]);
+            let (alone, in_turn) = (engines[0], steps[0] / engines[0]);
             let policy = policy.name();
             println!("{scenario}, {policy}: engine alone {alone:.0} steps/s, in turn {in_turn:.2} x");
             for (i, n) in threads.iter().enumerate() {
-                let efficiency = embedded[i] / alone / *n as f64;
+                let at_once = engines[i] / alone;
+                let efficiency = embedded[i] / engines[i];
                 let ratio = attached[i] / embedded[i];
-                println!("  {n} threads: embedded {:8.0} steps/s, efficiency {efficiency:.2}", embedded[i]);
+                println!("  {n} threads: engines  {:8.0} steps/s, {at_once:.2} x alone", engines[i]);
+                println!("  {n} threads: embedded {:8.0} steps/s, {efficiency:.2} x engines", embedded[i]);
                 println!("  {n} threads: attached {:8.0} steps/s, {ratio:.2} x embedded", attached[i]);
             }
         }
@@ -94,7 +108,7 @@ pub(crate) fn asynchronous(rounds: usize) -> Result<(), Box<dyn Error>> {
         let options = PoolOptions { threads: 2, ..PoolOptions::default() };
         let workload = Workload { options, time: Duration::from_secs(2), ..Workload::new(scenario)? };
         let batch_sizes = [64, 32, 16];
-        let workloads = batch_sizes.map(|batch_size| Workload { batch_size, ..workload.clone() });
+        let workloads = batch_sizes.map(|batch_size| (1, Workload { batch_size, ..workload.clone() }));
         let steps = meter.in_turn(&workloads)?;
         println!("{scenario}: synchronous {:.0} steps/s", steps[0]);
         for (batch_size, steps_per_s) in batch_sizes.iter().zip(&steps).skip(1) {
