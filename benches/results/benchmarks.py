@@ -41,7 +41,11 @@ class Benchmark:
 
 BENCHMARKS = [
     Benchmark("peers", "environment steps per second", log=True, bars=("3m", "2s3z", "3s5z", "27m_vs_30m")),
-    Benchmark("pool", "environment steps per second", columns=("engine alone", "1 thread", "two engines", "2 threads")),
+    Benchmark(
+        "pool",
+        "environment steps per second",
+        columns=("engine alone", "1 thread", "two engines", "2 threads"),
+    ),
     Benchmark("paper", "microseconds per step", log=True),
     Benchmark("epymarl", "environment steps per second"),
     Benchmark("many", "", drawn=False),

@@ -33,16 +33,13 @@ def main(argv: list[str] | None = None) -> int:
 
 def with_tables(text: str, folder: Path) -> str:
     """The page with the tables of these files."""
-    reports = ("default", "other-critic", "paper-rules")
-    runs, other_critic, paper_rules = (data.read(folder / name / "runs.csv") for name in reports)
+    reports = {group: data.read(folder / group / "runs.csv") for group in data.GROUPS}
     shares = data.read(folder / "shares.csv")
     round_trip = float(values.value(ROUND_TRIP, data.REPOSITORY / "docs"))
     searches = data.read(folder / "search.csv")
     scripts = (data.REPOSITORY / "docs" / "reference" / "policies.md").read_text()
     played, rated = data.read(folder / "opponents.csv"), data.read(folder / "elo.csv")
-    all_tables = tables.tables(
-        runs, other_critic, paper_rules, shares, round_trip, searches, scripts, played, rated
-    )
+    all_tables = tables.tables(reports, shares, round_trip, searches, scripts, played, rated)
     for name, table in all_tables.items():
         text = tables.insert(text, name, table)
     return text

@@ -23,9 +23,7 @@ Cells = list[str]
 
 
 def tables(
-    runs: list[Row],
-    other_critic: list[Row],
-    paper_rules: list[Row],
+    reports: dict[str, list[Row]],
     shares: list[Row],
     round_trip: float,
     searches: list[Row],
@@ -33,16 +31,17 @@ def tables(
     played: list[Row],
     rated: list[Row],
 ) -> dict[str, str]:
-    """All tables by name, in Markdown. `runs` are those of the default configuration, `other_critic` of
-    that with the other critic and `paper_rules` of that with the other rules; a round trip of 64 environments
-    that do nothing is in microseconds; `scripts` is the page with the returns of the scripted policies;
-    `played` is of teams and opponents, `rated` has the ratings of teams and scripts."""
+    """All tables by name, in Markdown. `reports` has the runs of each group of `results.train`; a round trip
+    of 64 environments that do nothing is in microseconds; `scripts` is the page with the returns of the
+    scripted policies; `played` is of teams and opponents, `rated` has the ratings of teams and scripts."""
+    runs = reports["default"]
     return {
         "commands": commands(runs),
         "maps": maps(runs),
-        "critics": critics(runs, other_critic),
+        "generated": generated(reports["generated"], reports["open-loop"]),
+        "critics": critics(runs, reports["other-critic"]),
         "paper": paper(runs),
-        "rules": rules(runs, paper_rules),
+        "rules": rules(runs, reports["paper-rules"]),
         "shares": time_shares(shares, round_trip),
         "search": search(runs, searches, scripts),
         "opponents": opponents(played),
@@ -135,6 +134,28 @@ def maps(runs: list[Row]) -> str:
     return markdown(header, (cells(*found) for found in by_task(runs)))
 
 
+def generated(runs: list[Row], open_loop: list[Row]) -> str:
+    """Final episodes in generated battles, and those of teams that do not look."""
+    header = [
+        "scenario", "wins, greedy (%)", "wins, sampled (%)", "open loop, greedy (%)", "return, sampled",
+        "CPU-seconds", "seeds",
+    ]  # fmt: skip
+    blind = dict(by_task(open_loop))
+
+    def cells(task: str, rows: list[Row]) -> Cells:
+        return [
+            task,
+            spread(rows, "greedy_win_rate", percent),
+            spread(rows, "sampled_win_rate", percent),
+            spread(blind.get(task, []), "greedy_win_rate", percent),
+            middle(rows, "sampled_mean_return", two_digits),
+            middle(rows, "cpu_seconds", whole),
+            str(len(rows)),
+        ]
+
+    return markdown(header, (cells(*found) for found in by_task(runs)))
+
+
 def critics(runs: list[Row], other_critic: list[Row]) -> str:
     """Medians with both critics, per scenario: wins with greedy and with sampled actions, and the time."""
     header = ["scenario"]
@@ -154,8 +175,14 @@ def critics(runs: list[Row], other_critic: list[Row]) -> str:
 
 
 def by_task(runs: list[Row]) -> Iterable[tuple[str, list[Row]]]:
-    for task in sorted({row["task"] for row in runs}, key=str.lower):
+    for task in sorted({row["task"] for row in runs}, key=natural):
         yield task, [row for row in runs if row["task"] == task]
+
+
+def natural(name: str) -> list[str | int]:
+    """To sort by: numbers in a name by their value, and without regard to case."""
+    parts = re.split(r"(\d+)", name.lower())  # text and numbers in turn
+    return [int(part) if i % 2 else part for i, part in enumerate(parts)]
 
 
 def paper(runs: list[Row]) -> str:
@@ -207,7 +234,7 @@ def search(rows: list[Row], searches: list[Row], scripts: str) -> str:
     """The best return that was found by search, by a learner and by a script, per scenario."""
     header = ["scenario", "search", "won", "steps", "policy", "best script", "best team, greedy"]
     lines = []
-    for row in sorted(searches, key=lambda row: row["scenario"].lower()):
+    for row in sorted(searches, key=lambda row: natural(row["scenario"])):
         name = row["scenario"]
         script = max(
             float(cell.split("/")[0])

@@ -7,6 +7,7 @@ nothing. Runs that are there with other options are an error.
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import platform
 import re
@@ -24,16 +25,21 @@ EVALUATE_EVERY = 100_000
 
 GROUPS: dict[str, dict[str, list[str]]] = {
     "default": {scenario: [] for scenario in sp.scenarios(generated=False)},
+    "generated": {scenario: [] for scenario in sp.scenarios(generated=True)},
+    "open-loop": {f"{race}_5_vs_5": [] for race in ("protoss", "terran", "zerg")},
     "other-critic": {
         scenario: ["--algorithm", "ippo" if data.sees_state(scenario) else "mappo"]
         for scenario in sp.scenarios(generated=False)
     },
-    "paper-rules": {"MMM": ["--rules", "paper"]},
+    "paper-rules": {scenario: ["--rules", "paper"] for scenario in ("MMM", "MMM2")},
 }
-"""What is trained for each report: scenarios, with options other than the defaults."""
+"""What is trained for each report: scenarios, with options other than the defaults. In the group `open-loop`,
+agents observe the time, their own number and their own last actions alone."""
 
 KEPT = {
     "default": ("runs.csv", "curves-win_rate.svg", "curves-win_rate-dark.svg"),
+    "generated": ("runs.csv",),
+    "open-loop": ("runs.csv",),
     "other-critic": ("runs.csv",),
     "paper-rules": ("runs.csv",),
 }
@@ -57,9 +63,20 @@ def main(argv: list[str] | None = None) -> int:
         folder = options.runs / group
         if not options.report:
             for scenario, others in GROUPS[group].items():
-                train(folder / scenario, scenario, options, others)
+                source = open_loop(folder, scenario) if group == "open-loop" else scenario
+                train(folder / scenario, source, options, others)
         report(folder, options.out / group)
     return 0
+
+
+def open_loop(folder: Path, scenario: str) -> str:
+    """Writes a file of the scenario in which agents observe nothing but the time, and returns its path."""
+    text = json.loads((data.REPOSITORY / "scenarios" / "data" / f"{scenario}.json").read_text())
+    text["smacv2"] |= {"obs_starcraft": False, "obs_timestep_number": True}
+    folder.mkdir(parents=True, exist_ok=True)
+    file = folder / f"{scenario}.json"
+    file.write_text(json.dumps(text))
+    return str(file)
 
 
 def train(folder: Path, scenario: str, options: argparse.Namespace, others: list[str]) -> None:

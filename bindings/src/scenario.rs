@@ -7,7 +7,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::{Value, json};
 use smaclite_engine::{FeatureBlock, SIGHT_RANGE, action_names, obs_features, state_features};
-use smaclite_scenarios::{Faction, Scenario, Teams, Terrain};
+use smaclite_scenarios::{Faction, Scenario, Terrain};
 use smaclite_units::{Plane, Targeter, UnitType};
 use std::path::Path;
 
@@ -56,7 +56,7 @@ fn described(scenario: &Scenario) -> Value {
         "ally_has_shields": scenario.ally_has_shields,
         "enemy_has_shields": scenario.enemy_has_shields,
         "episode_limit": scenario.episode_limit,
-        "teams_are_drawn": scenario.generation.as_ref().is_some_and(|drawn| drawn.teams != Teams::OfGroups),
+        "teams_are_drawn": scenario.draws_teams(),
         "unit_types": unit_types(scenario),
         "actions": action_names(scenario),
         "allies": units(scenario, Faction::Ally),

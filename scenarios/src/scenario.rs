@@ -1,6 +1,6 @@
 //! The scenario as plain, checked data. `read` reads it from a file.
 
-use crate::{Generation, Rewards, Smacv2, Terrain};
+use crate::{Generation, Rewards, Smacv2, Teams, Terrain};
 use serde::{Deserialize, Serialize};
 use smaclite_units::{Keyword, UnitType};
 
@@ -81,6 +81,11 @@ impl Scenario {
     /// Number of allied units: one agent each.
     pub fn n_agents(&self) -> usize {
         self.count(Faction::Ally)
+    }
+
+    /// Whether each episode draws the types of the units.
+    pub fn draws_teams(&self) -> bool {
+        self.generation.as_ref().is_some_and(|drawn| drawn.teams != Teams::OfGroups)
     }
 
     /// Number of enemy units.

@@ -65,6 +65,19 @@ def test_a_cell_is_median_and_range() -> None:
     assert few.splitlines()[-1].endswith("|  |  | 1 of 5 |")
 
 
+def test_scenarios_are_sorted_by_the_values_of_their_numbers() -> None:
+    names = ["27m_vs_30m", "3s5z", "MMM", "corridor", "3m", "zerg_10_vs_11", "zerg_5_vs_5"]
+    assert sorted(names, key=tables.natural) == [
+        "3m",
+        "3s5z",
+        "27m_vs_30m",
+        "corridor",
+        "MMM",
+        "zerg_5_vs_5",
+        "zerg_10_vs_11",
+    ]
+
+
 def test_rule_sets_are_compared_by_scenario() -> None:
     table = tables.rules([run("MMM", 1, 1.0), run("8m", 1, 0.3)], [run("MMM-paper", 1, 0.5)])
     assert table.splitlines()[2:] == [
@@ -78,9 +91,25 @@ def test_critics_are_compared_by_scenario() -> None:
     runs = [run("25m", 1, 1.0), run("3m", 1, 1.0)]
     other_critic = [run("25m", 1, 0.2), run("25m", 2, 0.5), run("25m", 3, 0.9), run("3m", 1, 0.8)]
     assert tables.critics(runs, other_critic).splitlines()[2:] == [
-        "| 25m | 100.0 | 100.0 | 30 | 50.0 | 50.0 | 30 |",
         "| 3m | 80.0 | 80.0 | 30 | 100.0 | 100.0 | 30 |",
+        "| 25m | 100.0 | 100.0 | 30 | 50.0 | 50.0 | 30 |",
     ]
+
+
+def test_teams_that_do_not_look_stand_beside_those_that_do() -> None:
+    runs = [run("zerg_10_vs_10", 1, 0.1), run("zerg_5_vs_5", 1, 0.5), run("zerg_5_vs_5", 2, 0.4)]
+    assert tables.generated(runs, [run("zerg_5_vs_5", 1, 0.02)]).splitlines()[2:] == [
+        "| zerg_5_vs_5 | 45.0 (40.0 to 50.0) | 45.0 (40.0 to 50.0) | 2.0 | 9.00 | 30 | 2 |",
+        "| zerg_10_vs_10 | 10.0 | 10.0 |  | 2.00 | 30 | 1 |",
+    ]
+
+
+def test_agents_of_the_open_loop_observe_the_time_alone(tmp_path: Path) -> None:
+    import smaclite_pool as sp
+
+    for name, others in train.GROUPS["open-loop"].items():
+        layout = sp.scenario(train.open_loop(tmp_path, name))["obs_layout"]
+        assert [block["name"] for block in layout] == ["time"] and others == []
 
 
 def test_shares_of_time_add_up() -> None:
@@ -99,8 +128,13 @@ def test_a_table_is_replaced_and_the_text_around_it_stays() -> None:
 
 
 def test_the_page_has_a_place_for_every_table() -> None:
-    for name, table in tables.tables([], [], [], [], 8.0, [], "", [], []).items():
+    nothing: dict[str, list[Row]] = {group: [] for group in data.GROUPS}
+    for name, table in tables.tables(nothing, [], 8.0, [], "", [], []).items():
         tables.insert(PAGE.read_text(), name, table)
+
+
+def test_every_group_is_trained_and_kept() -> None:
+    assert tuple(train.GROUPS) == tuple(train.KEPT) == data.GROUPS
 
 
 def test_the_tables_of_the_page_are_those_of_the_files() -> None:
@@ -158,8 +192,7 @@ def test_a_mark_that_is_wrong_is_found(tmp_path: Path, mark: str, message: str) 
 
 @pytest.mark.skipif(find_spec("matplotlib") is None, reason="matplotlib is not installed")
 def test_equal_data_gives_equal_pictures(tmp_path: Path) -> None:
-    reports = ("default", "other-critic", "paper-rules")
-    for name in ("elo.csv", "shares.csv", "search.csv", "opponents.csv", *reports):
+    for name in ("elo.csv", "shares.csv", "search.csv", "opponents.csv", *data.GROUPS):
         source = data.FOLDER / name
         shutil.copytree(source, tmp_path / name) if source.is_dir() else shutil.copy(source, tmp_path / name)
     text = tmp_path / "page.md"

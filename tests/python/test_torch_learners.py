@@ -204,15 +204,15 @@ def test_defaults_and_weights_are_those_of_the_program(tmp_path: Path) -> None:
         assert "mean return" in done.stdout
 
 
-@pytest.mark.parametrize("scenario", ["5m_vs_6m", "8m"])
-def test_the_critic_of_small_teams_sees_an_observation(scenario: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize("scenario", ["5m_vs_6m", "8m", "zerg_5_vs_5"])
+def test_the_critic_of_small_fixed_teams_sees_an_observation(scenario: str, tmp_path: Path) -> None:
     """By default, as that of the program."""
     ppo.train(ppo.Options(scenario=scenario, steps=1, num_envs=2, horizon=2, out=str(tmp_path)))
     command = ["train", scenario, "--steps", "1", "--num-envs", "2", "--horizon", "2", "--out", "program"]
     subprocess.run([sys.executable, "-m", "smaclite_pool", *command], check=True, cwd=tmp_path)
     config = json.loads((tmp_path / "program/run.json").read_text())["config"]
     assert (tmp_path / f"{scenario}-{config['algorithm']}-0/options.json").is_file()
-    assert config["algorithm"] == {"5m_vs_6m": "ippo", "8m": "mappo"}[scenario]
+    assert config["algorithm"] == ("ippo" if scenario == "5m_vs_6m" else "mappo")
 
 
 @learners

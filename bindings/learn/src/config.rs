@@ -5,6 +5,7 @@ mod enemies;
 pub use enemies::{Enemies, SelfPlay};
 use serde::{Deserialize, Serialize};
 use smaclite_pool::MAX_LAST_ACTIONS;
+use smaclite_scenarios::Scenario;
 
 /// What the critic sees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -132,12 +133,20 @@ pub struct Config {
 /// of 2 and of 27 explore as long as they should.
 pub const TEAM_ENTROPY: f64 = 0.3;
 
-/// The fewest agents whose critic sees the state by default. An observation says little of a battle of many
-/// units whose reward the team shares; in a small team, it says what the agent itself is worth to it.
+/// The fewest agents of a fixed team whose critic sees the state by default. An observation says little of a
+/// battle of many units whose reward the team shares; in a small team, it says what the agent itself is worth
+/// to it. How strong a team is that was drawn, only the state says, so there the critic always sees it.
 pub const STATE_CRITIC_AGENTS: usize = 6;
 
 impl Config {
-    /// The default hyperparameters for a team of that many agents.
+    /// The default hyperparameters in a scenario.
+    pub fn for_scenario(scenario: &Scenario) -> Config {
+        let config = Config::for_agents(scenario.n_agents());
+        let algorithm = if scenario.draws_teams() { Algorithm::Mappo } else { config.algorithm };
+        Config { algorithm, ..config }
+    }
+
+    /// The default hyperparameters for a fixed team of that many agents.
     pub fn for_agents(n_agents: usize) -> Config {
         Config {
             seed: 0,
@@ -274,6 +283,16 @@ mod tests {
         assert!(config.check().unwrap_err().to_string().ends_with("between 2 and 4096, got [64, 1]"));
         let config = Config { max_grad_norm: f64::INFINITY, ..Config::for_agents(3) };
         assert!(config.check().is_err());
+    }
+
+    #[test]
+    fn the_critic_sees_the_state_of_large_teams_and_of_drawn_ones() {
+        for (name, algorithm) in
+            [("5m_vs_6m", Algorithm::Ippo), ("6h_vs_8z", Algorithm::Mappo), ("zerg_5_vs_5", Algorithm::Mappo)]
+        {
+            let scenario = Scenario::standard(name).expect("a standard scenario");
+            assert_eq!(Config::for_scenario(&scenario).algorithm, algorithm, "{name}");
+        }
     }
 
     #[test]

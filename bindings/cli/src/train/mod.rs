@@ -116,7 +116,7 @@ hyperparameters! {
     /// Seed of weights, environments, actions and minibatches [default: 0]
     seed: u64 = seed(),
     /// What the critic sees: the state (mappo) or the agent's observation (ippo) [default: mappo for 6 agents
-    /// or more, ippo for fewer]
+    /// or more and for drawn teams, otherwise ippo]
     algorithm: Algorithm,
     /// Number of its own last actions that an agent observes, 0 to 16; as in the pool, if --pool is given
     /// [default: 4]
@@ -269,7 +269,7 @@ impl Train {
         let enemies = self.self_play.enemies(self.opponent.clone())?;
         let setup = self.setup(runtime_dir, interrupted)?;
         let scenario = setup.files.scenario()?;
-        let mut config = Config { enemies, ..Config::for_agents(scenario.n_agents()) };
+        let mut config = Config { enemies, ..Config::for_scenario(&scenario) };
         config.steps = self.steps.unwrap_or(config.steps);
         config.evaluate_every = self.evaluate_every.filter(|every| *every > 0);
         let Hyperparameters { num_envs, last_actions, .. } = self.hyperparameters;

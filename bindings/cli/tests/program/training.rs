@@ -372,7 +372,9 @@ fn the_help_states_the_defaults() {
     for (name, value) in config.iter().filter(|(name, _)| *name != "steps") {
         let default = match (name.as_str(), value) {
             ("entropy", _) => format!("{TEAM_ENTROPY} divided by the number of agents"),
-            ("algorithm", _) => format!("mappo for {STATE_CRITIC_AGENTS} agents or more, ippo for fewer"),
+            ("algorithm", _) => {
+                format!("mappo for {STATE_CRITIC_AGENTS} agents or more and for drawn teams, otherwise ippo")
+            }
             (_, Value::Array(widths)) => widths.iter().map(Value::to_string).collect::<Vec<_>>().join(","),
             (_, Value::String(keyword)) => keyword.clone(),
             (_, number) => number.as_f64().expect("a number").to_string(),

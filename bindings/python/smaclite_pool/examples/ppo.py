@@ -42,8 +42,9 @@ TEAM_ENTROPY = 0.3
 default weight of the entropy is divided by their number."""
 
 STATE_CRITIC_AGENTS = 6
-"""The fewest agents whose critic sees the state by default. An observation says little of a battle of many
-units whose reward the team shares; in a small team, it says what the agent itself is worth to it."""
+"""The fewest agents of a fixed team whose critic sees the state by default. An observation says little of a
+battle of many units whose reward the team shares; in a small team, it says what the agent itself is worth to
+it. How strong a team is that was drawn, only the state says, so there the critic always sees it."""
 
 
 def option(default: Any, text: str, choices: list[str] | None = None) -> Any:
@@ -56,9 +57,10 @@ class Options:
 
     scenario: str = "2s3z"
     algorithm: str = option(
-        "by size",
-        "what the critic sees: state (mappo) or observation (ippo); by size: mappo for 6 agents or more",
-        ["mappo", "ippo", "by size"],
+        "by team",
+        "what the critic sees: state (mappo) or observation (ippo); by team: mappo for 6 agents or more "
+        "and for drawn teams",
+        ["mappo", "ippo", "by team"],
     )
     steps: int = option(2_000_000, "environment steps of the run")
     seed: int = option(0, "of weights, environments, actions and minibatches")
@@ -209,9 +211,9 @@ class Learner:
     """Networks, optimisers and a rollout."""
 
     def __init__(self, envs: sp.Envs, options: Options) -> None:
-        if options.algorithm == "by size":
-            algorithm = "mappo" if envs.n_agents >= STATE_CRITIC_AGENTS else "ippo"
-            options = replace(options, algorithm=algorithm)
+        if options.algorithm == "by team":
+            state = envs.n_agents >= STATE_CRITIC_AGENTS or sp.scenario(options.scenario)["teams_are_drawn"]
+            options = replace(options, algorithm="mappo" if state else "ippo")
         self.envs, self.options, self.device = envs, options, torch.device(options.device)
         self.sees_state = options.algorithm == "mappo"
         n_agents, hidden = envs.n_agents, [int(width) for width in options.hidden.split(",")]
