@@ -148,8 +148,8 @@ def decorate(axes: Any, benchmark: Benchmark, names: list[str], series: int, sma
     if benchmark.log:
         axes.set_xscale("log")
         axes.set_xlim(left=10 ** math.floor(math.log10(smallest)))
-        axes.xaxis.set_major_formatter("{x:,.0f}")
         axes.xaxis.set_minor_formatter("")
+    axes.xaxis.set_major_formatter("{x:,.0f}")
     if series > 1:
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, 1.0), ncols=series, fontsize=8, frameon=False)
         axes.set_ylim(len(names) - 0.5, -1.1)  # a row for the legend
