@@ -216,8 +216,7 @@ def rules(runs: list[Row], of_paper: list[Row]) -> str:
         "return, sampled",
     ]
     lines = []
-    for task, found in by_task(of_paper):
-        scenario = task.removesuffix("-paper")
+    for scenario, found in by_task([{**row, "task": row["task"].removesuffix("-paper")} for row in of_paper]):
         others = [row for row in runs if row["task"] == scenario]
         for name, rows in (("smaclite", others), ("paper", found)):
             columns = {"win_rate": percent, "mean_return": two_digits}
