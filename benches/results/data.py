@@ -40,7 +40,8 @@ def sees_state(scenario: str) -> bool:
     """Whether the critic of the default configuration does (`STATE_CRITIC_AGENTS` of the learner)."""
     import smaclite_pool as sp  # which not all tools need
 
-    return len(sp.scenario(scenario)["allies"]) >= 6
+    told = sp.scenario(scenario)
+    return told["teams_are_drawn"] or len(told["allies"]) >= 6
 
 
 def time_share(log: list[Row], column: str) -> float:

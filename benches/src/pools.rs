@@ -40,8 +40,8 @@ impl Meter {
         Ok(workload.measure(&pool, &self.interrupted)?)
     }
 
-    /// Measures the workloads in turn, once per round, and returns the median steps/s of each. Of every
-    /// workload, so many copies run at once, each with a thread of its own; their steps are added.
+    /// Measures the workloads in turn, once per round, and returns the median steps/s of each. The number of
+    /// a workload is how many copies of it run at once, each on its own thread; their steps/s are added.
     fn in_turn(&self, workloads: &[(usize, Workload)]) -> Result<Vec<f64>, Box<dyn Error>> {
         let mut results = vec![Vec::new(); workloads.len()];
         for _ in 0..self.rounds {

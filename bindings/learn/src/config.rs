@@ -135,7 +135,7 @@ pub const TEAM_ENTROPY: f64 = 0.3;
 
 /// The fewest agents of a fixed team whose critic sees the state by default. An observation says little of a
 /// battle of many units whose reward the team shares; in a small team, it says what the agent itself is worth
-/// to it. How strong a team is that was drawn, only the state says, so there the critic always sees it.
+/// to it. How strong drawn teams are, the state says, so there the critic always sees it.
 pub const STATE_CRITIC_AGENTS: usize = 6;
 
 impl Config {

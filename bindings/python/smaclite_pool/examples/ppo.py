@@ -44,7 +44,7 @@ default weight of the entropy is divided by their number."""
 STATE_CRITIC_AGENTS = 6
 """The fewest agents of a fixed team whose critic sees the state by default. An observation says little of a
 battle of many units whose reward the team shares; in a small team, it says what the agent itself is worth to
-it. How strong a team is that was drawn, only the state says, so there the critic always sees it."""
+it. How strong drawn teams are, the state says, so there the critic always sees it."""
 
 
 def option(default: Any, text: str, choices: list[str] | None = None) -> Any:
