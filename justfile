@@ -34,35 +34,40 @@ test: test-rust test-python
 test-rust *args:
     cargo test --release {{ args }}
 
+# Tests mostly wait for processes that they start, so the cores have work for as many test processes; more than four
+# would need more memory than laptops have. A file's tests stay together, as they share what takes long to make. (To
+# debug: `just test-python -n 0 --pdb -k NAME`.)
+#
 # Run Python tests of the installed package, including the commands and code of the README
 test-python *args: install
-    {{ python }} -m pytest tests/python {{ args }}
+    {{ python }} -m pytest tests/python -n logical --maxprocesses 4 --dist loadfile {{ args }}
 
-# Run Python tests with one framework in a separate virtual environment: torch, jax, ray, rllib or torchrl
+# Run Python tests with one framework in a separate virtual environment: torch, jax, ray, rllib, torchrl, vault, minari or report
 test-integration name *args:
     python3 -m venv .venv/integrations/{{ name }}
     .venv/integrations/{{ name }}/bin/pip install '{{ package }}[test,{{ name }}]'
     .venv/integrations/{{ name }}/bin/python -m pytest tests/python {{ args }}
 
-# Test that the learners in PyTorch learn (installs PyTorch, a download of 3 GB)
+# Test that the learners in PyTorch learn, and what else needs PyTorch (installs it, a download of 3 GB)
 test-learners *args: install
     {{ python }} -m pip install --quiet torch safetensors
-    {{ python }} -m pytest tests/python/test_torch_learners.py {{ args }}
+    {{ python }} -m pytest tests/python/test_torch_learners.py tests/python/test_torch.py tests/python/test_epymarl.py \
+        tests/python/test_dataset.py {{ args }}
 
 # Test the pages of replays, running pools, the scenario editor, `play` and the playground in a browser (Debian: chromium)
 test-page *args: install _playground
     {{ python }} -m pip install --quiet playwright
     {{ python }} -m pytest tests/python/test_page.py tests/python/test_watch.py tests/python/test_editor.py \
-        tests/python/test_play.py tests/python/test_playground.py {{ args }}
+        tests/python/test_play.py tests/python/test_playground.py tests/python/test_page_files.py {{ args }}
 
 notebook := "docs/tutorials/notebook.ipynb"
 
 _notebook: install
     {{ python }} -m pip install --quiet nbconvert ipykernel matplotlib safetensors
 
-# Test that the notebook of the documentation runs from top to bottom
+# Test that the notebook of the documentation runs from top to bottom, and what else needs Matplotlib
 test-notebook *args: _notebook
-    {{ python }} -m pytest tests/python/test_notebook.py {{ args }}
+    {{ python }} -m pytest tests/python/test_notebook.py tests/python/test_results.py {{ args }}
 
 # Run the notebook with its whole training, and store its outputs, which the site shows
 notebook: _notebook
@@ -82,7 +87,7 @@ lint-js: _node
 
 # Replay recorded battles of the published environment, one line per file (SMACLITE_TRACES=folder for others)
 conformance:
-    cargo test --release -p smaclite-tests --test conformance -- --nocapture
+    cargo test --release -p smaclite-tests --test battles conformance -- --nocapture
 
 # Compare battles with the published environment (--help; SMACLITE_PYTHON=its interpreter)
 differential *args:
@@ -112,39 +117,30 @@ python-share *args: install
 # Fail if the engine executes over 3 % more instructions than recorded (Debian: apt install valgrind)
 instructions *scenarios: (figures "instructions" "--check" scenarios)
 
+# Measure how far rule sets are from recorded battles of SMAC ([FOLDER], --help; benches/realism/README.md)
+realism *args: install
+    {{ results }} {{ python }} -m realism {{ args }}
+
 results := "PYTHONPATH=" + justfile_directory() / "benches"
 
 # Train and report the teams of docs/results.md, for hours (--help); what is there is skipped
 results-train *args: install build
     {{ results }} {{ python }} -m results.train {{ args }}
 
-# Measure where the time of training goes, for docs/results.md
-results-shares *args: install build
-    {{ results }} {{ python }} -m results.shares {{ args }}
-
 # Search every scenario for its best episode, for docs/results.md; ten minutes
 results-search: install
     {{ results }} {{ python }} -m results.search
-
-# Train teams against other opponents, for docs/results.md; half an hour
-results-opponents: install build
-    {{ results }} {{ python }} -m results.opponents
-
-# Rate teams during their training, for docs/results.md (--help); an hour
-results-elo *args: install build
-    {{ results }} {{ python }} -m results.elo {{ args }}
 
 # Make the zoo anew from runs of the default configuration (RUNS: folders)
 results-zoo +runs: _venv build
     {{ results }} {{ python }} -m results.zoo {{ runs }}
 
-# Draw charts and tables of docs/results.md from the CSV files in docs/results, and write the numbers that pages quote
+# Write the tables of docs/results.md from the CSV files in docs/results, and the numbers that pages quote
 results: _venv && values
-    {{ python }} -m pip install --quiet matplotlib
     {{ results }} {{ python }} -m results.page
 
 # Write the numbers that the documentation quotes from the CSV files in docs/benchmarks and docs/results
-values: _venv
+values: _venv && readme
     {{ results }} {{ python }} -m results.values
 
 program := justfile_directory() / "target/release/smaclite-pool"
@@ -163,6 +159,7 @@ pictures: install
         {{ program }} show $map --png {{ pictures }}/$map.png --size 448x448 || exit; \
     done
     {{ program }} show --all --png {{ pictures }}/maps.png
+    {{ program }} show terran_5_vs_5 --samples 2 --seed 7 --png {{ pictures }}/generated.png --size 400x400
     {{ program }} record 2s3z --seed 1 --out target/2s3z.smreplay
     {{ program }} replay target/2s3z.smreplay --to {{ pictures }}/battle.gif --size 640x300
     {{ python }} -m pip install --quiet playwright
@@ -190,7 +187,7 @@ loom $RUSTFLAGS="--cfg loom":
 # Fuzz all code that reads data of other programs, SECONDS per target (installs cargo-fuzz; stable Rust works)
 fuzz seconds="60" $RUSTC_BOOTSTRAP="1":
     @command -v cargo-fuzz >/dev/null || RUSTC_BOOTSTRAP=0 cargo install --locked cargo-fuzz
-    for target in scenario_file unit_file replay_file request frame; do \
+    for target in scenario_file unit_file replay_file snapshot request frame; do \
         mkdir -p tests/fuzz/corpus/$target || exit; \
         cargo fuzz run --fuzz-dir tests/fuzz --release --debug-assertions $target \
             tests/fuzz/corpus/$target tests/fuzz/seeds/$target -- \
@@ -258,6 +255,7 @@ lint: _ruff lint-github lint-js lint-rust
         units scenarios pool ipc bindings tests benches; \
         test $? -eq 1 || { echo "error: the lines above are longer than 110 columns" >&2; exit 1; }
     python3 bindings/notices.py --check
+    python3 bindings/readme.py --check
 
 # Check the Rust code: format and lints
 lint-rust:
@@ -267,6 +265,10 @@ lint-rust:
 # Write the licences of all crates in the package, in THIRD-PARTY-LICENSES, after changes to Cargo.lock
 notices:
     python3 bindings/notices.py
+
+# Write the README that the wheel contains, bindings/pypi.md, after changes to README.md
+readme:
+    python3 bindings/readme.py
 
 # Write the man pages and completions that the wheel contains, after changes to the command line
 wheel-files $SMACLITE_WRITE="1":

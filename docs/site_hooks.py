@@ -47,9 +47,21 @@ def on_post_page(output: str, **_: Any) -> str:
     return output.replace(' data-md-component="source"', "")
 
 
-def on_page_markdown(markdown: str, **_: Any) -> str:
+def on_page_markdown(markdown: str, page: Any, config: Any, **_: Any) -> str:
     """Called by MkDocs with the text of every page."""
-    return re.sub(r"^<!-- insert: (\S+) -->$", lambda found: INSERTS[found[1]](), markdown, flags=re.M)
+    linked = with_addresses(markdown, posixpath.dirname(page.file.src_uri), config.repo_url)
+    return re.sub(r"^<!-- insert: (\S+) -->$", lambda found: INSERTS[found[1]](), linked, flags=re.M)
+
+
+def with_addresses(markdown: str, folder: str, repository: str) -> str:
+    """The text of a page in a folder of docs. What it links to outside of docs, which is not part of the
+    site, gets its address in the repository."""
+
+    def link(found: re.Match[str]) -> str:
+        path = posixpath.normpath(posixpath.join("docs", folder, found[1]))
+        return found[0] if path.startswith("docs/") else f"]({repository}/blob/main/{path}{found[2] or ''})"
+
+    return re.sub(r"\]\((\.\./[^)#\s]*)(#[^)]*)?\)", link, markdown)
 
 
 def on_page_content(html: str, page: Any, files: Any, **_: Any) -> str:

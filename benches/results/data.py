@@ -42,11 +42,3 @@ def sees_state(scenario: str) -> bool:
 
     told = sp.scenario(scenario)
     return told["teams_are_drawn"] or len(told["allies"]) >= 6
-
-
-def time_share(log: list[Row], column: str) -> float:
-    """The mean of a share of the updates' times, weighted by these times."""
-    seconds = [float(row["seconds"]) for row in log]
-    times = [now - before for now, before in zip(seconds, [0.0, *seconds], strict=False)]
-    shares = sum(time * float(row[column]) for time, row in zip(times, log, strict=True))
-    return shares / max(sum(times), 1e-9)

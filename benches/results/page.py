@@ -1,4 +1,4 @@
-"""Draws the ratings of docs/results.md and writes its tables, from the CSV files in docs/results.
+"""Writes the tables of docs/results.md, from the CSV files in docs/results.
 
 What is between the marks `<!-- table: NAME -->` and `<!-- end -->` of the page is replaced; the text around
 it is written by hand.
@@ -10,10 +10,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from . import data, tables, values
-
-ROUND_TRIP = "benchmarks/transport.csv; adaptive; lane of 64"
-"""Of 64 environments that do nothing, in microseconds."""
+from . import data, tables
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -24,23 +21,16 @@ def main(argv: list[str] | None = None) -> int:
     page = data.REPOSITORY / "docs" / "results.md"
     parser.add_argument("--page", help="the page (docs/results.md)", type=Path, default=page)
     options = parser.parse_args(argv)
-    from . import charts  # needs matplotlib, which `--help` does not
-
     options.page.write_text(with_tables(options.page.read_text(), options.data))
-    charts.ratings(options.data)
     return 0
 
 
 def with_tables(text: str, folder: Path) -> str:
     """The page with the tables of these files."""
     reports = {group: data.read(folder / group / "runs.csv") for group in data.GROUPS}
-    shares = data.read(folder / "shares.csv")
-    round_trip = float(values.value(ROUND_TRIP, data.REPOSITORY / "docs"))
     searches = data.read(folder / "search.csv")
     scripts = (data.REPOSITORY / "docs" / "reference" / "policies.md").read_text()
-    played, rated = data.read(folder / "opponents.csv"), data.read(folder / "elo.csv")
-    all_tables = tables.tables(reports, shares, round_trip, searches, scripts, played, rated)
-    for name, table in all_tables.items():
+    for name, table in tables.tables(reports, searches, scripts).items():
         text = tables.insert(text, name, table)
     return text
 

@@ -22,18 +22,9 @@ PAPER = {
 Cells = list[str]
 
 
-def tables(
-    reports: dict[str, list[Row]],
-    shares: list[Row],
-    round_trip: float,
-    searches: list[Row],
-    scripts: str,
-    played: list[Row],
-    rated: list[Row],
-) -> dict[str, str]:
-    """All tables by name, in Markdown. `reports` has the runs of each group of `results.train`; a round trip
-    of 64 environments that do nothing is in microseconds; `scripts` is the page with the returns of the
-    scripted policies; `played` is of teams and opponents, `rated` has the ratings of teams and scripts."""
+def tables(reports: dict[str, list[Row]], searches: list[Row], scripts: str) -> dict[str, str]:
+    """All tables by name, in Markdown. `reports` has the runs of each group of `results.train`; `scripts` is
+    the page with the returns of the scripted policies."""
     runs = reports["default"]
     return {
         "commands": commands(runs),
@@ -42,11 +33,7 @@ def tables(
         "critics": critics(runs, reports["other-critic"]),
         "paper": paper(runs),
         "rules": rules(runs, reports["paper-rules"]),
-        "shares": time_shares(shares, round_trip),
         "search": search(runs, searches, scripts),
-        "opponents": opponents(played),
-        "elo": elo(rated),
-        "machines": machines(shares),
     }
 
 
@@ -102,8 +89,7 @@ def commands(runs: list[Row]) -> str:
         f"just results-train --seeds {len({row['seed'] for row in runs})}": (
             "trains and reports all teams; continues after Ctrl-C"
         ),
-        "just results-shares": "measures where the time goes",
-        "just results": "draws this page from the CSV files in docs/results",
+        "just results": "writes the tables of this page from the CSV files in docs/results",
     }
     width = max(map(len, lines))
     code = "".join(f"{command:{width}}  # {purpose}\n" for command, purpose in lines.items())
@@ -254,56 +240,3 @@ def search(rows: list[Row], searches: list[Row], scripts: str) -> str:
             ]
         )
     return markdown(header, lines)
-
-
-def opponents(played: list[Row]) -> str:
-    """Win rates in percent against every opponent, medians over seeds."""
-    names = list(dict.fromkeys(row["opponent"] for row in played))
-    teams = dict.fromkeys((row["scenario"], row["trained"]) for row in played)
-
-    def cell(team: tuple[str, str], opponent: str) -> str:
-        keys = (*team, opponent)
-        found = [row for row in played if (row["scenario"], row["trained"], row["opponent"]) == keys]
-        return f"{100 * median(float(row['win_rate']) for row in found):.0f}"
-
-    lines = [[f"{team[0]}, {team[1]}", *(cell(team, name) for name in names)] for team in teams]
-    return markdown(["scenario, trained against", *names], lines)
-
-
-def elo(rated: list[Row]) -> str:
-    """The ratings of teams at the end of their training, medians and ranges over seeds, and of scripts."""
-    last = str(max((int(row["steps"]) for row in rated if row["steps"]), default=0))
-    scenarios = list(dict.fromkeys(row["scenario"] for row in rated))
-    teams = [row for row in rated if row["steps"] == last]
-    scripts = [row for row in rated if not row["steps"]]
-
-    def lines(rows: list[Row], name: str) -> Iterable[Cells]:
-        for trained in dict.fromkeys(row["trained"] for row in rows):
-            own = [row for row in rows if row["trained"] == trained]
-            cells = [[row for row in own if row["scenario"] == scenario] for scenario in scenarios]
-            yield [name.format(trained), *(spread(found, "elo", "{:.0f}".format) for found in cells)]
-
-    return markdown(
-        ["player", *scenarios], [*lines(teams, "team, trained against {}"), *lines(scripts, "{}")]
-    )
-
-
-def time_shares(shares: list[Row], round_trip: float) -> str:
-    header = [
-        "scenario", "environment (%)", "transport (%)", "inference (%)", "learning (%)",
-        "steps per CPU-second",
-    ]  # fmt: skip
-
-    def cells(row: Row) -> Cells:
-        steps, pool = float(row["steps"]), float(row["environment"])
-        transport = round_trip / 1e6 * steps / 64
-        parts = [pool - transport, transport, float(row["inference"]), float(row["learning"])]
-        total = sum(parts)
-        return [row["scenario"], *(percent(part / total) for part in parts), whole(steps / total)]
-
-    return markdown(header, map(cells, shares))
-
-
-def machines(rows: list[Row]) -> str:
-    found = sorted({row["machine"] for row in rows})
-    return "".join(f"- {machine}\n" for machine in found)

@@ -8,9 +8,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-import platform
-import re
 import shutil
 import subprocess
 import sys
@@ -119,13 +116,6 @@ def report(runs: Path, out: Path) -> None:
 
 def run(*arguments: str) -> None:
     subprocess.run([data.PROGRAM, *arguments], check=True)
-
-
-def machine() -> str:
-    """The processor and the number of cores."""
-    cpus = Path("/proc/cpuinfo").read_text() if Path("/proc/cpuinfo").exists() else ""
-    model = re.search(r"^model name\s*: (.*)", cpus, re.MULTILINE)
-    return f"{os.cpu_count()} cores of {model[1] if model else platform.machine()}"
 
 
 if __name__ == "__main__":

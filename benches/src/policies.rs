@@ -1,5 +1,5 @@
-//! Returns and win rates of the scripted policies, the tables in `docs/reference/policies.md` and
-//! `docs/reference/opponents.md`. Equal seeds give equal tables on every machine.
+//! Returns and win rates of the scripted policies: the table in `docs/reference/policies.md`, and the file
+//! `docs/reference/opponents.csv`. Equal seeds give equal numbers on every machine.
 
 use smaclite_engine::policy::Scripted;
 use smaclite_engine::{Arena, Battle, IllegalAction, Opponent, Rules, Scratch};
@@ -34,17 +34,21 @@ struct Score {
     win_rate: f64,
 }
 
-/// Prints a Markdown table.
+/// Prints a Markdown table of policies, or CSV of opponents.
 pub(crate) fn measure(games: &Games) -> Result<(), Box<dyn Error>> {
     let standard = || Scenario::standard_names().map(str::to_owned).collect();
     let names: Vec<String> = if games.scenarios.is_empty() { standard() } else { games.scenarios.clone() };
-    let heads = games.pairings().into_iter().map(|(policy, opponent)| match games.against_all {
-        Some(_) => opponent.name(),
-        None => policy,
-    });
-    let heads: Vec<&str> = heads.collect();
-    println!("| scenario | {} |", heads.join(" | "));
-    println!("| --- |{}", " ---: |".repeat(heads.len()));
+    if games.against_all.is_some() {
+        println!("opponent,scenario,mean_return,win_rate");
+        for pairing in games.pairings() {
+            for name in &names {
+                println!("{}", record(name, &pairing, games)?);
+            }
+        }
+        return Ok(());
+    }
+    println!("| scenario | {} |", Scripted::NAMES.join(" | "));
+    println!("| --- |{}", " ---: |".repeat(Scripted::NAMES.len()));
     for name in &names {
         println!("{}", row(name, games)?);
     }
@@ -60,19 +64,30 @@ impl Games {
     }
 }
 
-/// The scores of every pairing in a scenario.
+/// The scores of every policy in a scenario, in Markdown.
 fn row(name: &str, games: &Games) -> Result<String, Box<dyn Error>> {
+    let cell = |pairing: &Pairing<'_>| -> Result<String, Box<dyn Error>> {
+        let score = score(name, pairing, games)?;
+        Ok(format!("{:.1} / {:.0} %", score.episode_return, score.win_rate * 100.0))
+    };
+    let cells = games.pairings().iter().map(cell).collect::<Result<Vec<_>, _>>()?;
+    Ok(format!("| {name} | {} |", cells.join(" | ")))
+}
+
+/// The score of one pairing in a scenario, in CSV.
+fn record(name: &str, pairing: &Pairing<'_>, games: &Games) -> Result<String, Box<dyn Error>> {
+    let score = score(name, pairing, games)?;
+    let win_rate = score.win_rate * 100.0;
+    Ok(format!("{},{name},{:.1},{win_rate:.0}", pairing.1.name(), score.episode_return))
+}
+
+fn score(name: &str, &(policy, opponent): &Pairing<'_>, games: &Games) -> Result<Score, Box<dyn Error>> {
     let scenario = Scenario::resolve(name)?;
     if scenario.episode_limit.is_none() {
         return Err(format!("{name}: `episode_limit` must be a number of steps, got none").into());
     }
-    let cell = |(policy, opponent): Pairing<'_>| -> Result<String, Box<dyn Error>> {
-        let arena = Arena::new(&scenario, Rules::default()).with_opponents(opponent.into());
-        let score = play(Arc::new(arena), Scripted::from_name(policy, games.seed)?, games)?;
-        Ok(format!("{:.1} / {:.0} %", score.episode_return, score.win_rate * 100.0))
-    };
-    let cells = games.pairings().into_iter().map(cell).collect::<Result<Vec<_>, _>>()?;
-    Ok(format!("| {} | {} |", scenario.name, cells.join(" | ")))
+    let arena = Arena::new(&scenario, Rules::default()).with_opponents(opponent.into());
+    Ok(play(Arc::new(arena), Scripted::from_name(policy, games.seed)?, games)?)
 }
 
 fn play(arena: Arc<Arena>, mut policy: Scripted, games: &Games) -> Result<Score, IllegalAction> {
@@ -96,19 +111,27 @@ fn play(arena: Arc<Arena>, mut policy: Scripted, games: &Games) -> Result<Score,
 mod tests {
     use super::*;
 
-    fn check(page: &str, against_all: Option<&str>, names: &[&str]) {
-        let (episodes, against_all) = (NonZeroU32::new(200).unwrap(), against_all.map(str::to_owned));
-        let games = Games { episodes, seed: 1, against_all, scenarios: Vec::new() };
-        for name in names {
-            let row = row(name, &games).unwrap();
-            assert!(page.lines().any(|line| line == row), "not in the page: {row}");
-        }
+    const MAPS: [&str; 3] = ["3m", "3s_vs_3z", "MMM"];
+
+    fn games(against_all: Option<&str>) -> Games {
+        let episodes = NonZeroU32::new(200).unwrap();
+        Games { episodes, seed: 1, against_all: against_all.map(str::to_owned), scenarios: Vec::new() }
+    }
+
+    fn check(file: &str, line: &str) {
+        assert!(file.lines().any(|other| other == line), "not in the file: {line}");
     }
 
     #[test]
-    fn the_tables_of_the_documentation_are_current() {
-        check(include_str!("../../docs/reference/policies.md"), None, &["3m", "3s_vs_3z", "MMM"]);
-        let page = include_str!("../../docs/reference/opponents.md");
-        check(page, Some("focus_fire"), &["3m", "3s_vs_3z", "MMM"]);
+    fn the_numbers_of_the_documentation_are_current() {
+        for name in MAPS {
+            let row = row(name, &games(None)).unwrap();
+            check(include_str!("../../docs/reference/policies.md"), &row);
+            let games = games(Some("focus_fire"));
+            for pairing in games.pairings() {
+                let record = record(name, &pairing, &games).unwrap();
+                check(include_str!("../../docs/reference/opponents.csv"), &record);
+            }
+        }
     }
 }

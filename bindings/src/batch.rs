@@ -1,11 +1,17 @@
 //! `Batch`, a received batch in Python, with one property per field, generated from the table of fields.
 
+use crate::convert::{bool_array, float32_array, format_shape, int32_array, to_array, type_name};
+use crate::errors::invalid_request;
+use crate::habits::{self, Place};
 use crate::views::{self, Frame};
+use numpy::{PyArrayDescrMethods, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyAttributeError, PyKeyError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
-use pyo3::types::{PyCFunction, PyDict, PyTuple};
+use pyo3::types::{PyCFunction, PyDict, PyString, PyTuple, PyType};
 use smaclite_pool::fields::{Axis, FIELD_COUNT, FIELDS, Field, FieldSet, FieldSpec};
+use smaclite_pool::layout::{Element, Layout};
+use std::borrow::Cow;
 use std::ffi::CString;
 use std::sync::Arc;
 
@@ -16,6 +22,11 @@ use std::sync::Arc;
 /// Every field is a read-only NumPy array over shared memory; nothing is copied. The memory stays valid and
 /// unchanged as long as the batch, or any array or slice of it, exists, even after the pool has ended. A
 /// learner may hold `max_held_batches` batches at the same time; use `copy()` to keep data for longer.
+///
+/// A batch is a mapping from the names of its fields to their arrays: `batch["obs"]`, `"obs" in batch`,
+/// `keys()`, `values()`, `items()`, `get()`, `dict(batch)` and `f(**batch)`. `len(batch)` is M, the number of
+/// its slots. It is not iterable, because code for Gymnasium would unpack it as a tuple of observations,
+/// rewards and so on.
 ///
 /// In a forked child the memory stays unchanged only while the parent holds the batch; use `copy()` there.
 ///
@@ -30,15 +41,31 @@ pub struct Batch {
     /// Made for the first array: a step allocates nothing but the batch.
     frame: PyOnceLock<Py<Frame>>,
     views: [PyOnceLock<Py<PyAny>>; FIELD_COUNT],
+    replaced: Option<Replaced>,
+}
+
+/// What `replace` changed.
+struct Replaced {
+    /// The batch as it was received, which has the other arrays.
+    original: Py<Batch>,
+    /// The new arrays by their names.
+    fields: Py<PyDict>,
 }
 
 impl Batch {
     pub fn new(received: Arc<smaclite_ipc::Batch>) -> Batch {
-        Batch { received, frame: PyOnceLock::new(), views: [const { PyOnceLock::new() }; FIELD_COUNT] }
+        let views = [const { PyOnceLock::new() }; FIELD_COUNT];
+        Batch { received, frame: PyOnceLock::new(), views, replaced: None }
     }
 
     /// A field as an array; AttributeError if the lane does not include it.
     pub fn view<'py>(&self, py: Python<'py>, field: Field) -> PyResult<Bound<'py, PyAny>> {
+        if let Some(replaced) = &self.replaced {
+            return match self.replacement(py, field.spec().name)? {
+                Some(array) => Ok(array),
+                None => replaced.original.get().view(py, field),
+            };
+        }
         let view = self.views[field as usize].get_or_try_init(py, || {
             let frame = self.frame.get_or_try_init(py, || Py::new(py, Frame(Arc::clone(&self.received))))?;
             let array = views::array(frame.bind(py), field)?;
@@ -47,21 +74,109 @@ impl Batch {
         view.map(|array| array.bind(py).clone())
     }
 
-    /// The received frame.
-    pub fn received(&self) -> &Arc<smaclite_ipc::Batch> {
-        &self.received
+    /// The array that `replace` gave a field.
+    fn replacement<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Option<Bound<'py, PyAny>>> {
+        self.replaced.as_ref().map_or(Ok(None), |replaced| replaced.fields.bind(py).get_item(name))
     }
 
-    fn specs(&self) -> impl Iterator<Item = &'static FieldSpec> + use<> {
-        self.received.layout().fields().iter().map(Field::spec)
+    /// The sizes and fields of the lane that it is of.
+    pub fn layout(&self) -> &Layout {
+        self.received.layout()
     }
+
+    /// The numbers of a float field: in place, or a copy of the array that replaced them.
+    pub fn floats(&self, py: Python<'_>, field: Field) -> PyResult<Cow<'_, [f32]>> {
+        let (name, shape) = (field.spec().name, self.shape(field));
+        match self.replacement(py, name)? {
+            Some(array) => Ok(Cow::Owned(float32_array(name, &array, &shape)?.to_vec()?)),
+            None => self.received_field(field),
+        }
+    }
+
+    /// As [`floats`](Self::floats), the bytes of a bool field.
+    pub fn flags(&self, py: Python<'_>, field: Field) -> PyResult<Cow<'_, [u8]>> {
+        let (name, shape) = (field.spec().name, self.shape(field));
+        match self.replacement(py, name)? {
+            Some(array) => Ok(Cow::Owned(bool_array(name, &array, &shape)?.as_slice()?.to_vec())),
+            None => self.received_field(field),
+        }
+    }
+
+    /// As [`floats`](Self::floats), the ids of the environments.
+    pub fn env_id(&self, py: Python<'_>) -> PyResult<Cow<'_, [i32]>> {
+        let (name, shape) = (Field::EnvId.spec().name, self.shape(Field::EnvId));
+        match self.replacement(py, name)? {
+            Some(array) => Ok(Cow::Owned(int32_array(name, &array, &shape)?.as_slice()?.to_vec())),
+            None => self.received_field(Field::EnvId),
+        }
+    }
+
+    fn received_field<T: Element + Clone>(&self, field: Field) -> PyResult<Cow<'_, [T]>> {
+        self.received.field(field).map(Cow::Borrowed).ok_or_else(|| missing_field_error(field))
+    }
+
+    fn shape(&self, field: Field) -> Vec<Option<usize>> {
+        self.layout().shape(field).into_iter().map(Some).collect()
+    }
+
+    /// The names of all fields, those that `replace` added last.
+    fn names(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        let fields = self.layout().fields();
+        let mut names: Vec<String> = fields.iter().map(|field| field.spec().name.to_owned()).collect();
+        if let Some(replaced) = &self.replaced {
+            for name in replaced.fields.bind(py).keys() {
+                let name: String = name.extract()?;
+                if !names.contains(&name) {
+                    names.push(name);
+                }
+            }
+        }
+        Ok(names)
+    }
+
+    /// A field by its name, also one that `replace` added; `None` if there is none.
+    fn find<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Option<Bound<'py, PyAny>>> {
+        if let Some(array) = self.replacement(py, name)? {
+            return Ok(Some(array));
+        }
+        let field = Field::from_name(name).filter(|field| self.layout().fields().contains(*field));
+        field.map(|field| self.view(py, field)).transpose()
+    }
+}
+
+/// An array for a field of this name, with a row per slot.
+fn new_field<'py>(
+    class: &Bound<'py, PyType>,
+    name: &str,
+    value: &Bound<'py, PyAny>,
+    slots: usize,
+) -> PyResult<Bound<'py, PyAny>> {
+    if Field::from_name(name).is_none() && class.hasattr(name)? {
+        return Err(invalid_request(format!(
+            "`{name}` is an attribute of every batch, so no field can have this name; choose another one"
+        )));
+    }
+    let array = to_array(name, value)?;
+    if array.dtype().kind() == b'O' {
+        let text = format!("{name} must be an array of numbers, got {}", type_name(value));
+        return Err(PyTypeError::new_err(text));
+    }
+    if array.shape().first() != Some(&slots) {
+        return Err(invalid_request(format!(
+            "{name} must have one row per slot of the batch, {slots}, got shape {}",
+            format_shape(array.shape())
+        )));
+    }
+    Ok(array.into_any())
 }
 
 /// For a field that a lane does not include.
 pub fn missing_field_error(field: Field) -> PyErr {
     let name = field.spec().name;
     PyAttributeError::new_err(if field.is_final() {
-        format!("batches of this lane do not include `{name}`; it exists only with autoreset=\"same_step\"")
+        format!(
+            "batches of this lane do not include `{name}`; it exists only with autoreset_mode=\"SameStep\""
+        )
     } else if FieldSet::DEFAULT.contains(field) {
         format!("batches of this lane do not include `{name}`; add it to `fields`, or omit `fields` for all")
     } else {
@@ -78,29 +193,64 @@ impl Batch {
     }
 
     /// Names of the fields in this batch.
-    fn keys(&self) -> Vec<&'static str> {
-        self.specs().map(|spec| spec.name).collect()
+    fn keys(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        self.names(py)
     }
 
-    /// Return this batch with other arrays in some fields, for wrappers; nothing is copied.
+    /// The arrays of the fields, in the order of `keys()`.
+    fn values<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyAny>>> {
+        Ok(self.items(py)?.into_iter().map(|(_, array)| array).collect())
+    }
+
+    /// Names and arrays of the fields.
+    fn items<'py>(&self, py: Python<'py>) -> PyResult<Vec<(String, Bound<'py, PyAny>)>> {
+        let names = self.names(py)?.into_iter();
+        names.map(|name| self.__getitem__(py, &name).map(|array| (name, array))).collect()
+    }
+
+    /// A field by its name; `default` if the batch does not have it.
+    #[pyo3(signature = (name, default=None, /))]
+    fn get<'py>(
+        &self,
+        py: Python<'py>,
+        name: &str,
+        default: Option<Bound<'py, PyAny>>,
+    ) -> PyResult<Option<Bound<'py, PyAny>>> {
+        Ok(self.find(py, name)?.or(default))
+    }
+
+    /// Return a batch with other arrays in some fields, for wrappers; nothing is copied, and all other fields
+    /// are those of this batch.
     ///
     /// Args:
-    ///     fields: the new arrays, by the names of the fields; new names are allowed.
+    ///     fields: the new arrays, with one row per slot, by the names of the fields; new names are allowed.
+    ///         What is not an array, such as a list, is converted to one.
+    ///
+    /// Raises:
+    ///     InvalidRequest: an array does not have M rows, or a name is that of a method.
+    ///     TypeError: a value is not an array of numbers.
     #[pyo3(signature = (**fields))]
-    fn replace<'py>(
-        slf: &Bound<'py, Self>,
-        fields: Option<&Bound<'py, PyDict>>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let fields = fields.map_or_else(|| PyDict::new(slf.py()), Bound::clone);
-        slf.py().import("smaclite_pool._wrapper")?.call_method1("ChangedBatch", (slf, fields))
+    fn replace<'py>(slf: &Bound<'py, Self>, fields: Option<&Bound<'py, PyDict>>) -> PyResult<Batch> {
+        let (py, batch) = (slf.py(), slf.get());
+        let (original, known) = match &batch.replaced {
+            Some(replaced) => (replaced.original.clone_ref(py), replaced.fields.bind(py).copy()?),
+            None => (slf.clone().unbind(), PyDict::new(py)),
+        };
+        for (name, value) in fields.into_iter().flatten() {
+            let text: String = name.extract()?;
+            known.set_item(name, new_field(&slf.get_type(), &text, &value, batch.__len__())?)?;
+        }
+        let mut replaced = Batch::new(Arc::clone(&batch.received));
+        replaced.replaced = Some(Replaced { original, fields: known.unbind() });
+        Ok(replaced)
     }
 
     /// Return a dict from field names to writeable copies of the arrays, which do not keep the batch's
     /// memory.
     fn copy<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let copies = PyDict::new(py);
-        for spec in self.specs() {
-            copies.set_item(spec.name, self.view(py, spec.field)?.call_method0("copy")?)?;
+        for (name, array) in self.items(py)? {
+            copies.set_item(name, array.call_method0("copy")?)?;
         }
         Ok(copies)
     }
@@ -111,51 +261,66 @@ impl Batch {
     }
 
     /// Called where there is no attribute of that name, and where its getter raised AttributeError.
-    fn __getattr__(&self, name: &str) -> PyResult<Py<PyAny>> {
-        let absent = FIELDS.iter().find(|spec| spec.name == name).map(|spec| spec.field);
-        Err(match absent {
+    fn __getattr__<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+        if let Some(added) = self.replacement(py, name)? {
+            return Ok(added);
+        }
+        Err(match Field::from_name(name) {
             Some(field) => missing_field_error(field),
             None => PyAttributeError::new_err(format!(
-                "a batch has no `{name}`; its fields are {}",
-                self.keys().join(", ")
+                "a batch has no `{name}`; {}its fields are {}",
+                habits::prefix(Place::Batch, name),
+                self.names(py)?.join(", ")
             )),
         })
     }
 
     /// A field by its name, as the attribute.
     fn __getitem__<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyAny>> {
-        match Field::from_name(name).filter(|field| self.received.layout().fields().contains(*field)) {
-            Some(field) => self.view(py, field),
+        let names = || self.names(py).map(|names| names.join(", "));
+        match self.find(py, name)? {
+            Some(array) => Ok(array),
             None => Err(PyKeyError::new_err(format!(
-                "a batch has no field '{name}'; its fields are {}",
-                self.keys().join(", ")
+                "a batch has no field '{name}'; {}its fields are {}",
+                habits::prefix(Place::Batch, name),
+                names()?
             ))),
         }
     }
 
-    /// Whoever comes from Gymnasium unpacks a tuple first.
+    /// What comes from Gymnasium unpacks a tuple first.
     fn __iter__(&self) -> PyResult<()> {
         Err(PyTypeError::new_err(
-            "a batch is no tuple: use batch.obs, batch.reward, batch.terminated and its other fields; \
-             environments of smaclite_pool.integrations.gymnasium return Gymnasium's tuples",
+            "a batch is no tuple: use batch.obs, batch.reward, batch.terminated and its other fields, or \
+             batch.items() for all; environments of smaclite_pool.integrations.gymnasium return Gymnasium's \
+             tuples",
         ))
     }
 
-    fn __contains__(&self, name: &str) -> bool {
-        self.keys().contains(&name)
+    fn __contains__(&self, py: Python<'_>, name: &Bound<'_, PyAny>) -> PyResult<bool> {
+        // As in a dict, nothing but a string is the name of a field.
+        let Ok(name) = name.cast::<PyString>() else { return Ok(false) };
+        Ok(self.find(py, &name.to_string_lossy())?.is_some())
     }
 
     fn __len__(&self) -> usize {
-        self.received.layout().slots()
+        self.layout().slots()
     }
 
-    fn __repr__(&self) -> String {
-        format!(
-            "<smaclite_pool.Batch of {} environments, number {} of its lane: {}>",
+    fn __repr__(&self, py: Python<'_>) -> PyResult<String> {
+        let changed = match &self.replaced {
+            None => String::new(),
+            Some(replaced) => {
+                let names: Vec<String> = replaced.fields.bind(py).keys().extract()?;
+                format!(" with other {}", names.join(", "))
+            }
+        };
+        Ok(format!(
+            "<smaclite_pool.Batch of {} environments, number {} of its lane{changed}: {}>",
             self.__len__(),
             self.sequence(),
-            self.keys().join(", ")
-        )
+            self.names(py)?.join(", ")
+        ))
     }
 }
 

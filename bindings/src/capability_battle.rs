@@ -1,12 +1,12 @@
 //! One battle in this process, for code that expects an environment of SMACv2: it looks as often as that code
 //! asks, which the faults of the published code depend on. Learners use pools.
 
+use crate::envs::render::{Pixels, pixels};
 use crate::errors::{class, invalid_request};
-use crate::render::{Pixels, pixels};
 use numpy::{PyArray1, PyArray2, PyArrayMethods, ToPyArray};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyString};
 use smaclite_engine::smacv2::{Frame, Interface, Perception};
 use smaclite_engine::{Battle, BattleSetup, IllegalAction, Scratch};
 use smaclite_scenarios::{Scenario, ScenarioFiles};
@@ -35,8 +35,8 @@ impl CapabilityBattle {
     #[new]
     #[pyo3(signature = (scenario, seed=0))]
     fn new(scenario: &Bound<'_, PyAny>, seed: u64) -> PyResult<CapabilityBattle> {
-        let text: String = match scenario.extract() {
-            Ok(text) => text,
+        let text: String = match scenario.cast::<PyString>() {
+            Ok(text) => text.extract()?,
             Err(_) => scenario.py().import("json")?.call_method1("dumps", (scenario,))?.extract()?,
         };
         let files = ScenarioFiles { source: "scenario".to_owned(), text, unit_files: Vec::new() };

@@ -7,24 +7,58 @@ use numpy::{
     Element, PyArray1, PyArray2, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyReadonlyArrayDyn,
     PyUntypedArray, PyUntypedArrayMethods,
 };
-use pyo3::exceptions::{PyOverflowError, PyTypeError};
+use pyo3::exceptions::{PyOverflowError, PyTypeError, PyValueError};
+use pyo3::intern;
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyString};
 use smaclite_engine::Faction;
 use std::fmt::Display;
 use std::str::FromStr;
 use std::time::Duration;
 
-/// An integer argument. Extracting it never fails: [`to_unsigned`] reports errors, because it knows the
-/// argument's name.
+/// What the conversion of an argument raised, as an error that names the argument, with the former as its
+/// cause, where it is about the argument's type or value. Everything else is not the argument's fault: Ctrl-C
+/// in the conversion of a tensor, a lack of memory, an error of a device. It passes as it is.
+pub fn translated(py: Python<'_>, raised: PyErr, translation: impl FnOnce(&PyErr) -> PyErr) -> PyErr {
+    if !is_about_argument(&raised, py) {
+        return raised;
+    }
+    let error = translation(&raised);
+    error.set_cause(py, Some(raised));
+    error
+}
+
+/// Whether the type or the value of an argument is what an exception is about.
+pub fn is_about_argument(raised: &PyErr, py: Python<'_>) -> bool {
+    raised.is_instance_of::<PyTypeError>(py) || raised.is_instance_of::<PyValueError>(py)
+}
+
+/// An integer argument. [`to_unsigned`] reports what is not one, because it knows the argument's name.
 pub enum IntArg {
     Small(i128),
     /// Does not fit into an `i128`, so it is out of range for every argument.
     Huge {
         negative: bool,
     },
-    /// Not an integer; holds the name of the type.
-    Other(String),
+    Other(NotAnInteger),
+}
+
+/// What was passed instead of an integer.
+pub struct NotAnInteger {
+    type_name: String,
+    /// What its own `__index__` raised.
+    cause: Option<PyErr>,
+}
+
+impl NotAnInteger {
+    /// The error of an argument that must be `expected`.
+    pub fn error(self, expected: &str) -> PyErr {
+        let error = PyTypeError::new_err(format!("{expected}, got {}", self.type_name));
+        if let Some(cause) = self.cause {
+            Python::attach(|py| error.set_cause(py, Some(cause)));
+        }
+        error
+    }
 }
 
 impl FromPyObject<'_, '_> for IntArg {
@@ -36,12 +70,18 @@ impl FromPyObject<'_, '_> for IntArg {
             Err(error) if error.is_instance_of::<PyOverflowError>(arg.py()) => {
                 Ok(IntArg::Huge { negative: arg.lt(0)? })
             }
-            Err(_) => Ok(IntArg::Other(type_name(&arg))),
+            Err(error) if is_about_argument(&error, arg.py()) => {
+                // A plain value of another type says all with its type.
+                let cause = arg.hasattr(intern!(arg.py(), "__index__"))?.then_some(error);
+                Ok(IntArg::Other(NotAnInteger { type_name: type_name(&arg), cause }))
+            }
+            Err(error) => Err(error),
         }
     }
 }
 
-fn type_name(value: &Bound<'_, PyAny>) -> String {
+/// The name of a value's type, for errors.
+pub fn type_name(value: &Bound<'_, PyAny>) -> String {
     value.get_type().name().map_or_else(|_| "an unnamed type".to_owned(), |name| name.to_string())
 }
 
@@ -54,9 +94,7 @@ pub fn to_unsigned<T: TryFrom<i128>>(name: &str, arg: IntArg) -> PyResult<T> {
             Err(_) => (value < 0, value.to_string()),
         },
         IntArg::Huge { negative } => (negative, "an integer of more than 127 bits".to_owned()),
-        IntArg::Other(type_name) => {
-            return Err(PyTypeError::new_err(format!("{name} must be an integer, got {type_name}")));
-        }
+        IntArg::Other(other) => return Err(other.error(&format!("{name} must be an integer"))),
     };
     Err(invalid_request(if negative {
         format!("{name} must not be negative, got {got}")
@@ -67,9 +105,17 @@ pub fn to_unsigned<T: TryFrom<i128>>(name: &str, arg: IntArg) -> PyResult<T> {
 
 /// A list of strings, such as `example`.
 pub fn string_list(name: &str, example: &str, arg: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
-    arg.extract().map_err(|_| {
-        let got = type_name(arg);
-        PyTypeError::new_err(format!("{name} must be a list of strings, such as {example}, got {got}"))
+    let list = || -> PyResult<Vec<String>> {
+        if arg.is_instance_of::<PyString>() {
+            return Err(PyTypeError::new_err("a string is not a list of strings"));
+        }
+        arg.try_iter()?.map(|name| name?.extract()).collect()
+    };
+    list().map_err(|error| {
+        translated(arg.py(), error, |_| {
+            let got = type_name(arg);
+            PyTypeError::new_err(format!("{name} must be a list of strings, such as {example}, got {got}"))
+        })
     })
 }
 
@@ -91,10 +137,18 @@ pub fn timeout_seconds(arg: &Bound<'_, PyAny>) -> PyResult<Option<f64>> {
         Err(error) if error.is_instance_of::<PyOverflowError>(arg.py()) => {
             Ok(Some(if arg.lt(0)? { f64::NEG_INFINITY } else { f64::INFINITY }))
         }
-        Err(_) => {
+        Err(error) => Err(translated(arg.py(), error, |_| {
             let got = type_name(arg);
-            Err(PyTypeError::new_err(format!("timeout must be a number of seconds or None, got {got}")))
-        }
+            PyTypeError::new_err(format!("timeout must be a number of seconds or None, got {got}"))
+        })),
+    }
+}
+
+/// The name of a side.
+pub const fn side_name(side: Faction) -> &'static str {
+    match side {
+        Faction::Ally => "allies",
+        Faction::Enemy => "enemies",
     }
 }
 
@@ -125,7 +179,8 @@ pub fn to_dict<'py>(py: Python<'py>, value: &impl serde::Serialize) -> PyResult<
     Ok(py.import("json")?.call_method1("loads", (text,))?.cast_into::<PyDict>()?)
 }
 
-/// A C-contiguous int32 array: the one that was passed if it is one, otherwise a converted copy.
+/// An int32 array whose elements Rust can read as a slice: the one that was passed if it is one, otherwise a
+/// converted copy.
 pub struct Int32Array<'py>(PyReadonlyArrayDyn<'py, i32>);
 
 impl Int32Array<'_> {
@@ -140,13 +195,13 @@ impl Int32Array<'_> {
     }
 }
 
-/// A float32 array: the one that was passed if it is one, otherwise a converted copy.
+/// A float32 array, as [`Int32Array`].
 pub struct Float32Array<'py>(PyReadonlyArrayDyn<'py, f32>);
 
 impl Float32Array<'_> {
     /// A copy of all elements, in row-major order, which no other thread changes.
     pub fn to_vec(&self) -> PyResult<Vec<f32>> {
-        Ok(self.0.as_array().iter().copied().collect())
+        Ok(self.0.as_slice()?.to_vec())
     }
 
     /// The length of the first axis.
@@ -155,7 +210,7 @@ impl Float32Array<'_> {
     }
 }
 
-/// Converts an array-like of floats. `None` in `shape` accepts any length.
+/// Converts an array-like of floats. `None` in `shape` accepts any length up to [`MAX_ROWS`].
 pub fn float32_array<'py>(
     name: &str,
     arg: &Bound<'py, PyAny>,
@@ -166,8 +221,40 @@ pub fn float32_array<'py>(
     if array.dtype().kind() != b'f' {
         return Err(PyTypeError::new_err(format!("{name} must be a float32 array, got {}", array.dtype())));
     }
-    let array = array.call_method1("astype", ("float32", "C", "same_kind", true, false))?;
-    Ok(Float32Array(array.cast::<PyArrayDyn<f32>>()?.try_readonly()?))
+    Ok(Float32Array(readable::<f32>(&array, "float32")?.try_readonly()?))
+}
+
+/// A bool array of this shape as bytes, 0 for false.
+pub fn bool_array<'py>(
+    name: &str,
+    arg: &Bound<'py, PyAny>,
+    shape: &[Option<usize>],
+) -> PyResult<PyReadonlyArrayDyn<'py, u8>> {
+    let array = to_array(name, arg)?;
+    check_shape(name, "a bool", arg, &array, shape)?;
+    if array.dtype().kind() != b'b' {
+        return Err(PyTypeError::new_err(format!("{name} must be a bool array, got {}", array.dtype())));
+    }
+    // Read as bytes: memory of the caller can have other values than 0 and 1, which Rust's `bool` must not.
+    let bytes = array.call_method1("view", ("uint8",))?.cast_into::<PyUntypedArray>()?;
+    Ok(readable::<u8>(&bytes, "uint8")?.try_readonly()?)
+}
+
+/// The array itself if Rust can read its elements as a slice, else a copy. NumPy's contiguous arrays need not
+/// be aligned: the field of a packed record, and a message with a byte before its numbers, are not.
+fn readable<'py, T: Element>(
+    array: &Bound<'py, PyUntypedArray>,
+    dtype: &str,
+) -> PyResult<Bound<'py, PyArrayDyn<T>>> {
+    if let Ok(typed) = array.cast::<PyArrayDyn<T>>()
+        && array.is_c_contiguous()
+        && array.is_aligned()
+    {
+        return Ok(typed.clone());
+    }
+    // With copy=True, to memory of its own, which is aligned.
+    let copy = array.call_method1("astype", (dtype, "C", "same_kind", false, true))?;
+    Ok(copy.cast_into::<PyArrayDyn<T>>()?)
 }
 
 /// Actions for `num_envs` environments: an integer array-like of shape `[num_envs, n_actors]`.
@@ -175,7 +262,7 @@ pub fn actions<'py>(arg: &Bound<'py, PyAny>, num_envs: usize, n_actors: usize) -
     contiguous_int32("actions", arg, &[Some(num_envs), Some(n_actors)]).map(Actions)
 }
 
-/// Actions as a C-contiguous int32 array.
+/// Actions as an int32 array that [`readable`] returned.
 pub struct Actions<'py>(Bound<'py, PyArrayDyn<i32>>);
 
 impl smaclite_ipc::Actions for Actions<'_> {
@@ -190,7 +277,11 @@ impl smaclite_ipc::Actions for Actions<'_> {
         // module writes to arrays only while it is attached, so not at the same time. Whether Python code of
         // another thread does is that code's responsibility, as with any NumPy operation.
         let actions = unsafe { self.0.as_slice() };
-        out.copy_from_slice(actions.expect("`contiguous_int32` made it"));
+        match actions {
+            Ok(actions) if actions.len() == out.len() => out.copy_from_slice(actions),
+            // Only a finalizer that ran since the check can have changed the array. No unit has this action.
+            _ => out.fill(-1),
+        }
     }
 }
 
@@ -203,28 +294,38 @@ pub fn levels(arg: &Bound<'_, PyAny>, shape: &[Option<usize>]) -> PyResult<Vec<f
 /// Rows of bytes, as `restore` takes them.
 pub type Snapshots<'py> = PyReadonlyArrayDyn<'py, u8>;
 
-/// Converts the argument `snapshots` of `restore`: uint8 `[k, size]`, or `[size]` for one.
-pub fn snapshots<'py>(arg: &Bound<'py, PyAny>) -> PyResult<Snapshots<'py>> {
-    let py = arg.py();
-    let array = py.import("numpy")?.call_method1("ascontiguousarray", (arg,))?;
-    let Ok(array) = array.cast::<PyArrayDyn<u8>>() else {
-        let got = array.getattr("dtype")?;
+/// Converts an argument such as `snapshots` of `restore`: uint8 `[k, size]`, or `[size]` for one.
+pub fn snapshots<'py>(name: &str, arg: &Bound<'py, PyAny>) -> PyResult<Snapshots<'py>> {
+    let array = to_array(name, arg)?;
+    if array.cast::<PyArrayDyn<u8>>().is_err() {
         return Err(PyTypeError::new_err(format!(
-            "snapshots must be a uint8 array, such as rows of `batch.snapshot`, got {got}"
+            "{name} must be a uint8 array, such as rows of `batch.snapshot`, got {}",
+            array.dtype()
         )));
-    };
-    Ok(array.try_readonly()?)
+    }
+    if array.len() > MAX_SNAPSHOT_BYTES {
+        return Err(invalid_request(format!(
+            "{name} must be rows of `batch.snapshot`, got {} bytes",
+            array.len()
+        )));
+    }
+    Ok(readable::<u8>(&array, "uint8")?.try_readonly()?)
 }
 
+/// More bytes than one request can have. A broadcast array of any length takes no memory before it is copied.
+const MAX_SNAPSHOT_BYTES: usize = 1 << 32;
+
 /// As [`snapshots`], those of `num_envs` environments whose own have `size` bytes; copied as
-/// [`levels`] are. How many bytes there must be is checked by the client, which knows why.
+/// [`levels`] are. The error of another number of bytes is the client's, which knows how battles differ.
 pub fn snapshot_rows(arg: &Bound<'_, PyAny>, num_envs: usize, size: usize) -> PyResult<Vec<u8>> {
-    let array = snapshots(arg)?;
-    let is_one = array.shape() == [size] && num_envs == 1;
-    if array.len() == num_envs * size && !is_one {
-        check_shape("snapshots", "a uint8", arg, array.as_untyped(), &[Some(num_envs), Some(size)])?;
+    let name = "snapshots";
+    let array = to_array(name, arg)?;
+    let is_bytes = array.cast::<PyArrayDyn<u8>>().is_ok();
+    let is_of_size = array.len() == num_envs * size;
+    if is_bytes && is_of_size && (array.shape() != [size] || num_envs != 1) {
+        check_shape(name, "a uint8", arg, &array, &[Some(num_envs), Some(size)])?;
     }
-    Ok(array.as_slice()?.to_vec())
+    Ok(snapshots(name, &array)?.as_slice()?.to_vec())
 }
 
 /// Converts the arguments `rng` and `seed` of `restore` and `fork`: the seed of environment 0, if there is
@@ -254,8 +355,10 @@ pub fn require_envs<C: AsRef<[i32]>>(name: &str, env_ids: C) -> PyResult<C> {
 
 /// The array that sampled actions are written to.
 pub fn output_array<'py>(out: Bound<'py, PyAny>, shape: [usize; 2]) -> PyResult<Bound<'py, PyArray2<i32>>> {
-    let expected =
-        format!("out must be a C-contiguous, writeable int32 array of shape {}", format_shape(&shape));
+    let expected = format!(
+        "out must be a C-contiguous, aligned, writeable int32 array of shape {}",
+        format_shape(&shape)
+    );
     let array = match out.cast_into::<PyArray2<i32>>() {
         Ok(array) => array,
         Err(error) => {
@@ -267,6 +370,8 @@ pub fn output_array<'py>(out: Bound<'py, PyAny>, shape: [usize; 2]) -> PyResult<
         describe(&array)
     } else if !array.is_c_contiguous() {
         "one that is not C-contiguous".to_owned()
+    } else if !array.is_aligned() {
+        "one that is not aligned".to_owned()
     } else if array.try_readwrite().is_err() {
         "one that is not writeable".to_owned()
     } else {
@@ -283,7 +388,7 @@ fn describe(value: &Bound<'_, PyAny>) -> String {
     }
 }
 
-/// Converts an array-like of integers. `None` in `shape` accepts any length.
+/// Converts an array-like of integers. `None` in `shape` accepts any length up to [`MAX_ROWS`].
 pub fn int32_array<'py>(
     name: &str,
     arg: &Bound<'py, PyAny>,
@@ -299,25 +404,30 @@ fn contiguous_int32<'py>(
 ) -> PyResult<Bound<'py, PyArrayDyn<i32>>> {
     let array = to_array(name, arg)?;
     check_shape(name, "an integer", arg, &array, shape)?;
-    if let Ok(array) = array.cast::<PyArrayDyn<i32>>()
-        && array.is_c_contiguous()
-    {
-        return Ok(array.clone());
+    if array.cast::<PyArrayDyn<i32>>().is_ok() {
+        return readable::<i32>(&array, "int32");
     }
-    let py = array.py();
     let empty = array.len() == 0; // NumPy converts an empty list to a float array
     match array.dtype().kind() {
         b'i' => narrow::<i64>(name, &array.call_method1("astype", ("int64",))?),
         b'u' => narrow::<u64>(name, &array.call_method1("astype", ("uint64",))?),
-        _ if empty => Ok(numpy::PyArray::zeros(py, array.shape(), false)),
-        _ => {
+        _ if empty => Ok(numpy::PyArray::zeros(array.py(), array.shape(), false)),
+        kind => {
+            let hint = match kind {
+                b'b' if name.starts_with("env_id") => "numpy.flatnonzero gives the ids of a selection",
+                _ => "int32 avoids a copy",
+            };
             let dtype = array.dtype();
-            let text = format!("{name} must be an integer array, got {dtype} (int32 avoids a copy)");
+            let text = format!("{name} must be an integer array, got {dtype} ({hint})");
             Err(PyTypeError::new_err(text))
         }
     }
 }
 
+/// More rows than any argument has: environments of a lane (1,000,000) or pictures of a sheet.
+const MAX_ROWS: usize = 1 << 20;
+
+/// Checks the shape before anything is copied: a broadcast array of any length takes no memory before.
 fn check_shape(
     name: &str,
     elements: &str,
@@ -326,7 +436,10 @@ fn check_shape(
     shape: &[Option<usize>],
 ) -> PyResult<()> {
     let has_shape = array.ndim() == shape.len()
-        && array.shape().iter().zip(shape).all(|(n, expected)| expected.is_none_or(|e| *n == e));
+        && array.shape().iter().zip(shape).all(|(n, expected)| match expected {
+            Some(expected) => n == expected,
+            None => *n <= MAX_ROWS,
+        });
     if has_shape {
         return Ok(());
     }
@@ -338,13 +451,16 @@ fn check_shape(
     Err(invalid_request(format!("{name} must be {elements} array of shape {expected}, got {got}")))
 }
 
-fn to_array<'py>(name: &str, arg: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyUntypedArray>> {
+/// Any array-like as an array; arrays are not copied.
+pub fn to_array<'py>(name: &str, arg: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyUntypedArray>> {
     if let Ok(array) = arg.cast::<PyUntypedArray>() {
         return Ok(array.clone());
     }
     let array = arg.py().import("numpy")?.call_method1("asarray", (arg,));
     let array = array.map_err(|error| {
-        invalid_request(format!("{name} must be an array or nested lists: {}", error.value(arg.py())))
+        translated(arg.py(), error, |error| {
+            invalid_request(format!("{name} must be an array or nested lists: {}", error.value(arg.py())))
+        })
     })?;
     Ok(array.cast_into::<PyUntypedArray>()?)
 }
@@ -370,24 +486,14 @@ fn narrow<'py, T: Element + Copy + Display + TryInto<i32>>(
 
 /// The ids of the environments that a mask, `bool[num_envs]`, selects.
 pub fn selected_envs(mask: &Bound<'_, PyAny>, num_envs: usize) -> PyResult<Vec<i32>> {
-    let array = to_array("mask", mask)?;
-    if array.shape() != [num_envs] {
-        let (expected, got) = (format_shape(&[num_envs]), format_shape(array.shape()));
-        return Err(invalid_request(format!(
-            "mask must be a bool array of shape {expected}, got shape {got}"
-        )));
-    }
-    let Ok(array) = array.cast::<PyArrayDyn<bool>>() else {
-        return Err(PyTypeError::new_err(format!("mask must be a bool array, got {}", array.dtype())));
-    };
-    let array = array.try_readonly()?;
-    let ids =
-        array.as_array().iter().zip(0..).filter(|(selected, _)| **selected).map(|(_, env)| env).collect();
+    let mask = bool_array("mask", mask, &[Some(num_envs)])?;
+    let ids = mask.as_slice()?.iter().zip(0..).filter(|(selected, _)| **selected != 0);
+    let ids = ids.map(|(_, env)| env).collect();
     require_envs("mask", ids)
 }
 
 /// A shape in Python's notation.
-fn format_shape(shape: &[usize]) -> String {
+pub fn format_shape(shape: &[usize]) -> String {
     format_expected_shape(&shape.iter().copied().map(Some).collect::<Vec<_>>())
 }
 

@@ -1,11 +1,12 @@
 //! Datasets: recipes that are expanded to arrays in memory, or to files of NumPy.
 
 use crate::convert::{IntArg, string_list, to_dict, to_unsigned};
-use crate::errors::{class, invalid_request};
+use crate::errors::{class, invalid_request, shown};
+use crate::habits::{Place, hint, no_attribute};
 use crate::make::MAX_THREADS;
 use crate::wait::{interruptible, run_on_thread};
 use numpy::PyArray1;
-use pyo3::exceptions::PyMemoryError;
+use pyo3::exceptions::{PyMemoryError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use smaclite_engine::{BattleSetup, Opponents, Rules};
@@ -33,13 +34,14 @@ pub fn table() -> Vec<(&'static str, &'static str, String, &'static str)> {
 }
 
 fn dataset_error(error: DatasetError) -> PyErr {
+    let text = shown(&error);
     match error {
         // `FileNotFoundError` and the like, by its kind.
-        DatasetError::Io { error: ref source, .. } => io::Error::new(source.kind(), error.to_string()).into(),
-        DatasetError::Memory { .. } => PyMemoryError::new_err(error.to_string()),
-        DatasetError::Scenario(_) => class::ScenarioError::new_err(error.to_string()),
-        DatasetError::FolderExists { .. } => invalid_request(error),
-        _ => class::PoolError::new_err(error.to_string()),
+        DatasetError::Io { error: ref source, .. } => io::Error::new(source.kind(), text).into(),
+        DatasetError::Memory { .. } => PyMemoryError::new_err(text),
+        DatasetError::Scenario(_) => class::ScenarioError::new_err(text),
+        DatasetError::FolderExists { .. } => invalid_request(text),
+        _ => class::PoolError::new_err(text),
     }
 }
 
@@ -191,6 +193,23 @@ impl Dataset {
         dict.set_item("length", PyArray1::from_iter(py, episodes().map(|e| i64::from(e.length))))?;
         dict.set_item("policy", PyArray1::from_iter(py, episodes().map(|e| i64::from(e.policy))))?;
         Ok(dict)
+    }
+
+    /// Called where there is no attribute of that name.
+    fn __getattr__(slf: &Bound<'_, Self>, name: &str) -> PyResult<Py<PyAny>> {
+        Err(no_attribute(&slf.get_type(), Place::Dataset, name))
+    }
+
+    fn __getitem__(&self, name: &Bound<'_, PyAny>) -> PyResult<Py<PyAny>> {
+        let name = name.to_string();
+        let names = ArrayName::ALL.iter().map(|array| array.spec().name);
+        let hint = match ArrayName::from_name(&name) {
+            Ok(_) => format!("use expand()[\"{name}\"], or expand(fields=[\"{name}\"]) for it alone"),
+            Err(_) => hint(Place::Dataset, &name, names),
+        };
+        Err(PyTypeError::new_err(format!(
+            "a dataset is a recipe and has no arrays before it is expanded; {hint}"
+        )))
     }
 
     fn __repr__(&self) -> String {

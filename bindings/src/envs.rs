@@ -1,92 +1,42 @@
-//! `Envs`, the environments of a lane in Python: the methods of a client and the properties of the lane.
+//! `Envs`, the environments of a lane in Python: the methods of a client and the properties of the lane, with
+//! their documentation. They stay in one file, as PyO3 reads the methods of a class from one block. What they
+//! need is inside: the client that one thread uses at a time (`shared`), requests (`requests`), pictures
+//! (`render`), and arguments that are environments or their scenario (`arg`).
 
+pub(crate) mod arg;
+pub(crate) mod render;
+mod requests;
+mod shared;
+
+use self::render::{Renderer, SheetStyle, render_batch};
+use self::requests::{ResetArguments, begin_step, receive};
+use self::shared::SharedClient;
 use crate::batch::Batch;
 use crate::convert::{
-    self, Actions, Int32Array, IntArg, env_ids, require_envs, reseeding, selected_envs, timeout_seconds,
-    to_dict, to_duration, to_unsigned,
+    self, Int32Array, IntArg, env_ids, reseeding, timeout_seconds, to_dict, to_duration, to_unsigned,
 };
 use crate::errors::{class, client_error, connect_error, invalid_request};
 use crate::exit::{self, CloseAtExit};
+use crate::habits::{Place, cannot_be_copied, no_attribute, refuse_keywords};
 use crate::query::runtime_dir;
 use crate::recorder::RecordingToFile;
-use crate::render::{Renderer, SheetStyle, render_batch};
-use crate::wait::{IsCancelled, interruptible, run_on_thread, wait_detached};
+use crate::seeds::Seeds;
+use crate::wait::{interruptible, run_on_thread, wait_detached};
 use numpy::{PyArray2, PyArray3, PyArrayDescr, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use smaclite_engine::Faction;
-use smaclite_ipc::{
-    Actions as _, Client, ClientError, LaneDescription, Supervisor, WaitOptions, lane_scenario,
-};
-use smaclite_pool::fields::Field;
+use smaclite_ipc::{Client, LaneDescription, Supervisor, WaitOptions, lane_scenario};
 use smaclite_pool::layout::Layout;
 use smaclite_scenarios::Scenario;
 use std::collections::BTreeMap;
-use std::sync::{Arc, Mutex, MutexGuard, TryLockError};
-use std::time::Duration;
-
-/// The client of an `Envs`, and its pool if that is embedded; `None` once closed.
-struct SharedClient(Mutex<Option<Attached>>);
-
-/// Dropped in this order: the client detaches from the pool before an embedded pool stops.
-struct Attached {
-    /// Written when these environments are closed.
-    recording: Option<RecordingToFile>,
-    client: Client,
-    _embedded: Option<Arc<Supervisor>>,
-}
-
-impl CloseAtExit for SharedClient {
-    /// A recording is written; the environments are closed also if that fails.
-    fn close_if_idle(&self, interrupted: IsCancelled<'_>) -> Option<PyResult<()>> {
-        let attached = match self.0.try_lock() {
-            Ok(mut attached) => attached.take(),
-            Err(TryLockError::Poisoned(attached)) => attached.into_inner().take(),
-            Err(TryLockError::WouldBlock) => return None,
-        };
-        Some(attached.map_or(Ok(()), |attached| attached.close(interrupted)))
-    }
-}
-
-impl SharedClient {
-    /// Locks the client for one call. Never blocks: a signal handler that runs during `recv` and calls a
-    /// method would wait for its own thread.
-    fn try_lock(&self) -> PyResult<ClientGuard<'_>> {
-        if exit::is_exiting() {
-            return Err(exit::exiting_error());
-        }
-        match self.0.try_lock() {
-            Ok(attached) if attached.is_some() => Ok(ClientGuard(attached)),
-            Ok(_) => Err(class::Closed::new_err("these environments are closed; call make or connect again")),
-            Err(TryLockError::WouldBlock) => Err(class::Busy::new_err(
-                "another thread is using these environments; only one thread may call them at a time",
-            )),
-            Err(TryLockError::Poisoned(_)) => Err(class::PoolError::new_err(
-                "an earlier call of these environments panicked; close them and call make or connect again",
-            )),
-        }
-    }
-}
-
-impl Attached {
-    fn close(mut self, interrupted: IsCancelled<'_>) -> PyResult<()> {
-        self.recording.as_mut().map_or(Ok(()), |recording| recording.finish(interrupted))
-    }
-}
+use std::sync::Arc;
 
 /// A pool within this process, which ends with the last of its `Envs`, and the scenario of its lanes.
 #[derive(Clone)]
 pub struct Embedded {
     pub supervisor: Arc<Supervisor>,
     pub scenario: Scenario,
-}
-
-struct ClientGuard<'a>(MutexGuard<'a, Option<Attached>>);
-
-impl ClientGuard<'_> {
-    fn client(&mut self) -> &mut Client {
-        &mut self.0.as_mut().expect("try_lock returns a guard only while attached").client
-    }
 }
 
 /// The environments of a lane, as returned by `make` and `connect`.
@@ -120,8 +70,7 @@ impl Envs {
         let (description, layout) = (client.description().clone(), client.layout().clone());
         let side = client.side();
         let (supervisor, scenario) = embedded.map(|pool| (pool.supervisor, pool.scenario)).unzip();
-        let attached = Attached { recording, client, _embedded: supervisor };
-        let shared = Arc::new(SharedClient(Mutex::new(Some(attached))));
+        let shared = Arc::new(SharedClient::new(client, supervisor, recording));
         let weak = Arc::downgrade(&shared);
         exit::close_at_exit(weak);
         Envs { shared, description, layout, side, scenario }
@@ -149,70 +98,16 @@ impl Envs {
         scenario.map_err(|problems| class::ScenarioError::new_err(problems.to_string()))
     }
 
-    /// The batch to draw: the one that was passed, or the newest one.
-    fn batch_to_draw(&self, batch: Option<&Bound<'_, Batch>>) -> PyResult<Arc<smaclite_ipc::Batch>> {
-        match batch {
-            Some(batch) => Ok(Arc::clone(batch.get().received())),
-            None => self.shared.try_lock()?.client().newest().cloned().ok_or_else(|| {
-                invalid_request("there is no batch to draw: none was received yet; pass a batch")
-            }),
-        }
+    /// The batch to draw if none was passed.
+    fn newest_batch(&self) -> PyResult<Batch> {
+        self.shared
+            .try_lock()?
+            .client()
+            .newest()
+            .cloned()
+            .map(Batch::new)
+            .ok_or_else(|| invalid_request("there is no batch to draw: none was received yet; pass a batch"))
     }
-
-    /// The number of environments in a request.
-    fn request_size(&self, ids: Option<&Int32Array<'_>>) -> usize {
-        ids.map_or(self.description.settings.num_envs, Int32Array::len)
-    }
-
-    /// The shape of the levels of these environments; any where the lane has none, which the client reports.
-    fn levels_shape(&self, ids: Option<&[i32]>) -> [Option<usize>; 3] {
-        if self.layout.level_len() == 0 {
-            return [None; 3];
-        }
-        let num_envs = ids.map_or(self.description.settings.num_envs, <[i32]>::len);
-        let [n_units, n_columns] = [1, 2].map(|axis| self.layout.shape(Field::Level)[axis]);
-        [num_envs, n_units, n_columns].map(Some)
-    }
-
-    /// Converts the arguments of `step` and `send`.
-    fn step_arguments<'py>(
-        &self,
-        actions: &Bound<'py, PyAny>,
-        env_id: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<(Actions<'py>, Option<Int32Array<'py>>)> {
-        let ids = env_ids(env_id)?;
-        if let Some(ids) = &ids {
-            require_envs("env_id", ids.as_slice()?)?;
-        }
-        let n_envs = self.request_size(ids.as_ref());
-        let actions = convert::actions(actions, n_envs, self.description.sizes.n_actors())?;
-        Ok((actions, ids))
-    }
-}
-
-/// Writes actions straight into shared memory and sends them, without a wait if the pool reads its requests.
-/// The learner's thread then has a worker's place in an embedded pool until the next wait ends.
-fn begin_step(
-    py: Python<'_>,
-    client: &mut Client,
-    mut actions: Actions<'_>,
-    ids: Option<&[i32]>,
-) -> PyResult<()> {
-    let no_wait = WaitOptions { timeout: Some(Duration::ZERO), interrupted: &mut || false };
-    match client.begin_step(&mut actions, ids, no_wait) {
-        Err(ClientError::NotAccepted { .. }) => {
-            // The arrays must not be read while other Python code runs.
-            let mut copy = vec![0; actions.count()];
-            actions.write_to(&mut copy);
-            let ids = ids.map(<[i32]>::to_vec);
-            wait_detached(py, None, |wait| client.begin_step(&mut copy.as_slice(), ids.as_deref(), wait))
-        }
-        sent => sent.map_err(client_error),
-    }
-}
-
-fn receive(py: Python<'_>, client: &mut Client, timeout: Option<Duration>) -> PyResult<Batch> {
-    wait_detached(py, timeout, |wait| client.recv(wait)).map(Batch::new)
 }
 
 #[pymethods]
@@ -223,8 +118,9 @@ impl Envs {
     /// all environments; those that were not selected are unchanged.
     ///
     /// Args:
-    ///     seed: from 0 to `2**64 - 1`; environment i is seeded with seed + i. None continues each
-    ///         environment's random generator; the first reset then uses the seed of `make` or
+    ///     seed: from 0 to `2**64 - 1`; environment i is seeded with seed + i. Or a list of one seed per
+    ///         environment that is reset, as Gymnasium's vector environments take it. None, also in the list,
+    ///         continues an environment's random generator; the first reset then uses the seed of `make` or
     ///         `smaclite-pool serve`.
     ///     mask: bool [N], the environments to reset. Cannot be combined with `env_id`.
     ///     env_id: integers [K], the ids of the environments to reset. None, the default, resets all.
@@ -243,38 +139,25 @@ impl Envs {
     ///     TooManyBatchesHeld: `max_held_batches` batches are in use.
     ///     PoolDied: the pool has ended.
     ///     LaneFailed: the lane failed.
-    #[pyo3(signature = (seed=None, mask=None, env_id=None, timeout=None, *, levels=None))]
+    #[pyo3(signature = (seed=None, mask=None, env_id=None, timeout=None, *, levels=None, **unknown))]
+    #[pyo3(text_signature = "($self, seed=None, mask=None, env_id=None, timeout=None, *, levels=None)")]
+    #[allow(clippy::too_many_arguments)] // keyword arguments in Python
     fn reset(
         &self,
         py: Python<'_>,
-        seed: Option<IntArg>,
+        seed: Option<&Bound<'_, PyAny>>,
         mask: Option<&Bound<'_, PyAny>>,
         env_id: Option<&Bound<'_, PyAny>>,
         #[pyo3(from_py_with = timeout_seconds)] timeout: Option<f64>,
         levels: Option<&Bound<'_, PyAny>>,
+        unknown: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Batch> {
-        let seed = seed.map(|seed| to_unsigned("seed", seed)).transpose()?;
+        refuse_keywords(Place::Reset, "reset", unknown, &["seed", "mask", "env_id", "timeout", "levels"])?;
         let timeout = to_duration(timeout)?;
-        let ids = match (mask, env_id) {
-            (Some(_), Some(_)) => {
-                return Err(invalid_request("mask and env_id cannot be combined; pass only one of them"));
-            }
-            (Some(mask), None) => Some(selected_envs(mask, self.description.settings.num_envs)?),
-            (None, ids) => match env_ids(ids)? {
-                Some(ids) => Some(require_envs("env_id", ids.as_slice()?.to_vec())?),
-                None => None,
-            },
-        };
-        let mut guard = self.shared.try_lock()?;
-        let client = guard.client();
-        let batch = match levels {
-            None => wait_detached(py, timeout, |wait| client.reset(seed, ids.as_deref(), wait))?,
-            Some(levels) => {
-                let levels = convert::levels(levels, &self.levels_shape(ids.as_deref()))?;
-                wait_detached(py, timeout, |wait| client.reset_to(&levels, seed, ids.as_deref(), wait))?
-            }
-        };
-        Ok(Batch::new(batch))
+        let ResetArguments { ids, levels } = self.reset_arguments(mask, env_id, levels)?;
+        let ids = ids.as_deref();
+        let seeds = Seeds::new(seed, ids.map_or(self.description.settings.num_envs, <[i32]>::len))?;
+        seeds.reset(py, self.shared.try_lock()?.client(), ids, levels.as_deref(), timeout)
     }
 
     /// Send actions and return the next batch: `send`, then `recv`.
@@ -295,14 +178,19 @@ impl Envs {
     ///     TooManyBatchesHeld: `max_held_batches` batches are in use.
     ///     PoolDied: the pool has ended.
     ///     LaneFailed: the lane failed.
-    #[pyo3(signature = (actions, env_id=None, timeout=None))]
+    #[pyo3(signature = (actions=None, env_id=None, timeout=None, **unknown))]
+    #[pyo3(text_signature = "($self, actions, env_id=None, timeout=None)")]
     fn step(
         &self,
         py: Python<'_>,
-        actions: &Bound<'_, PyAny>,
+        actions: Option<&Bound<'_, PyAny>>,
         env_id: Option<&Bound<'_, PyAny>>,
         #[pyo3(from_py_with = timeout_seconds)] timeout: Option<f64>,
+        unknown: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Batch> {
+        refuse_keywords(Place::Step, "step", unknown, &["actions", "env_id", "timeout"])?;
+        let none = py.None().into_bound(py);
+        let actions = actions.unwrap_or(&none);
         let timeout = to_duration(timeout)?;
         let (actions, ids) = self.step_arguments(actions, env_id)?;
         let ids = ids.as_ref().map(Int32Array::as_slice).transpose()?;
@@ -330,13 +218,18 @@ impl Envs {
     ///     PoolError: the pool did not read the request within 5 seconds; nothing was sent.
     ///     PoolDied: the pool has ended.
     ///     LaneFailed: the lane failed.
-    #[pyo3(signature = (actions, env_id=None))]
+    #[pyo3(signature = (actions=None, env_id=None, **unknown))]
+    #[pyo3(text_signature = "($self, actions, env_id=None)")]
     fn send(
         &self,
         py: Python<'_>,
-        actions: &Bound<'_, PyAny>,
+        actions: Option<&Bound<'_, PyAny>>,
         env_id: Option<&Bound<'_, PyAny>>,
+        unknown: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<()> {
+        refuse_keywords(Place::Step, "send", unknown, &["actions", "env_id"])?;
+        let none = py.None().into_bound(py);
+        let actions = actions.unwrap_or(&none);
         let (actions, ids) = self.step_arguments(actions, env_id)?;
         let ids = ids.as_ref().map(Int32Array::as_slice).transpose()?;
         let mut guard = self.shared.try_lock()?;
@@ -369,22 +262,35 @@ impl Envs {
         receive(py, self.shared.try_lock()?.client(), timeout)
     }
 
-    /// Request new episodes in all environments without waiting; `recv` returns the first observations.
+    /// Request new episodes without waiting; `recv` returns the first observations.
     ///
     /// Args:
-    ///     seed: as for `reset`.
+    ///     seed, mask, env_id, levels: as for `reset`.
     ///
     /// Raises:
-    ///     InvalidRequest: the seed is out of range.
+    ///     InvalidRequest: an argument is invalid, or a selected environment is still working on an earlier
+    ///         request.
+    ///     TypeError: the seed or an environment id is not an integer, or the mask is not bool.
     ///     PoolError: the pool did not read the request within 5 seconds; nothing was sent.
     ///     PoolDied: the pool has ended.
     ///     LaneFailed: the lane failed.
-    #[pyo3(signature = (seed=None))]
-    fn async_reset(&self, py: Python<'_>, seed: Option<IntArg>) -> PyResult<()> {
+    #[pyo3(signature = (seed=None, mask=None, env_id=None, *, levels=None))]
+    fn async_reset(
+        &self,
+        py: Python<'_>,
+        seed: Option<IntArg>,
+        mask: Option<&Bound<'_, PyAny>>,
+        env_id: Option<&Bound<'_, PyAny>>,
+        levels: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<()> {
         let seed = seed.map(|seed| to_unsigned("seed", seed)).transpose()?;
-        let mut guard = self.shared.try_lock()?;
+        let ResetArguments { ids, levels } = self.reset_arguments(mask, env_id, levels)?;
+        let (ids, mut guard) = (ids.as_deref(), self.shared.try_lock()?);
         let client = guard.client();
-        wait_detached(py, None, |wait| client.send_reset(seed, None, wait))
+        wait_detached(py, None, |wait| match &levels {
+            None => client.send_reset(seed, ids, wait),
+            Some(levels) => client.send_reset_to(levels, seed, ids, wait),
+        })
     }
 
     /// Continue from snapshots, and return the batch with their observations.
@@ -554,7 +460,7 @@ impl Envs {
         Ok(out)
     }
 
-    /// Seed the random generator of `sample_actions`.
+    /// Seed the random generator of `sample_actions`, which begins with the seed of the lane.
     ///
     /// Args:
     ///     seed: from 0 to `2**64 - 1`.
@@ -599,9 +505,16 @@ impl Envs {
         columns: Option<IntArg>,
         captions: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray3<u8>>> {
-        let batch = self.batch_to_draw(batch)?;
+        let newest; // lives as long as `batch`
+        let batch = match batch {
+            Some(batch) => batch.get(),
+            None => {
+                newest = self.newest_batch()?;
+                &newest
+            }
+        };
         let style = SheetStyle::new(columns, captions)?;
-        render_batch(py, self, &batch, env_id, renderer, style)
+        render_batch(py, self, batch, env_id, renderer, style)
     }
 
     /// Detach from the lane and stop an embedded pool; write the replay of `record`. Batches and their arrays
@@ -625,6 +538,21 @@ impl Envs {
     #[pyo3(signature = (*_exception))]
     fn __exit__(&self, py: Python<'_>, _exception: &Bound<'_, PyTuple>) -> PyResult<()> {
         self.close(py)
+    }
+
+    /// Called where there is no attribute of that name, and where its getter raised AttributeError.
+    fn __getattr__(slf: &Bound<'_, Self>, name: &str) -> PyResult<Py<PyAny>> {
+        Err(no_attribute(&slf.get_type(), Place::Envs, name))
+    }
+
+    fn __len__(&self) -> usize {
+        self.description.settings.num_envs
+    }
+
+    /// For `copy` and `pickle`.
+    #[pyo3(signature = (_protocol=None))]
+    fn __reduce_ex__(&self, _protocol: Option<i32>) -> PyResult<()> {
+        Err(cannot_be_copied())
     }
 
     fn __repr__(&self) -> String {
@@ -682,7 +610,7 @@ impl Envs {
     /// The side of this learner, "allies" or "enemies", if the lane has a learner for each; else None.
     #[getter]
     fn side(&self) -> Option<&'static str> {
-        self.side.map(|side| if side == Faction::Ally { "allies" } else { "enemies" })
+        self.side.map(convert::side_name)
     }
 
     /// Which sides actions play: "allies" or "both".
@@ -733,13 +661,14 @@ impl Envs {
         &self.description.scenario
     }
 
-    /// What happens at the end of an episode: "next_step", "same_step" or "disabled".
+    /// What happens at the end of an episode: "NextStep", "SameStep" or "Disabled", the values of Gymnasium's
+    /// `AutoresetMode`.
     #[getter]
-    fn autoreset(&self) -> &'static str {
+    fn autoreset_mode(&self) -> &'static str {
         self.description.settings.autoreset.name()
     }
 
-    /// The lane's seed: environment i starts with seed + i.
+    /// The lane's seed, also where a random one was drawn: environment i starts with seed + i.
     #[getter]
     fn seed(&self) -> u64 {
         self.description.settings.seed
@@ -763,16 +692,23 @@ impl Envs {
         self.description.pid
     }
 
-    /// The rule set: "smaclite" or "paper".
+    /// The rule set: "smaclite", "paper" or "starcraft-1".
     #[getter]
     fn rules(&self) -> &str {
         &self.description.rules
     }
 
-    /// Who plays the enemies: names of `OPPONENTS`, and their weights.
+    /// Who plays the enemies: names of `OPPONENTS`, and their weights; "learner" is `opponent_team`, if one
+    /// plays them.
     #[getter]
     fn opponents(&self) -> BTreeMap<String, f64> {
         self.description.opponents.clone().into()
+    }
+
+    /// The trained team that plays the enemies, as it was named: "zoo:3m", or the folder of its run; or None.
+    #[getter]
+    fn opponent_team(&self) -> Option<&str> {
+        self.description.opponent_team.as_deref()
     }
 
     /// What both sides are rewarded for: a dict of SMAC's reward options, such as `reward_win`.

@@ -7,6 +7,7 @@ use smaclite_ipc::{
     ClientError, ConnectError as Connect, ControlError, ControlSocketError as Control, StartError as Start,
 };
 use smaclite_pool::Rejection;
+use smaclite_units::file::{printable_text, without_os_errors};
 
 /// Declares the exception classes, and a function that imports all of them.
 macro_rules! exception_classes {
@@ -44,6 +45,12 @@ exception_classes! {
     Closed
 }
 
+/// The message of an error that may repeat what a file or an argument says: as the program prints it, without
+/// what would change a terminal, and without the numbers of the system's errors.
+pub fn shown(error: &impl ToString) -> String {
+    without_os_errors(&printable_text(&error.to_string()))
+}
+
 /// An invalid argument or request.
 pub fn invalid_request(text: impl ToString) -> PyErr {
     class::InvalidRequest::new_err(text.to_string())
@@ -66,7 +73,7 @@ pub fn client_error(error: ClientError) -> PyErr {
         | ClientError::NoLevels
         | ClientError::WrongLevels { .. }
         | ClientError::WrongForks { .. } => invalid_request(text),
-        ClientError::Timeout(_) => class::Timeout::new_err(text),
+        ClientError::Timeout(_) | ClientError::OtherLearnerMissing { .. } => class::Timeout::new_err(text),
         ClientError::PoolDied { .. } => class::PoolDied::new_err(text),
         ClientError::TooManyHeld { .. } => class::TooManyBatchesHeld::new_err(text),
         ClientError::Forked { .. } => class::Forked::new_err(text),
@@ -82,7 +89,7 @@ pub fn client_error(error: ClientError) -> PyErr {
 fn rejection_error(rejection: Rejection) -> PyErr {
     let text = rejection.to_string();
     match rejection {
-        Rejection::UnavailableAction { env, actor, action, available } => {
+        Rejection::UnavailableAction { env, actor, action, available, .. } => {
             let (agent, side) = match actor {
                 Actor::Agent(agent) => (agent, "allies"),
                 Actor::Enemy(enemy) => (enemy, "enemies"),

@@ -5,7 +5,6 @@
 //! that call.
 
 use crate::errors::class;
-use crate::wait::IsCancelled;
 use pyo3::prelude::*;
 use pyo3::types::IntoPyDict;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -33,7 +32,7 @@ static OPEN_CLIENTS: Mutex<Vec<Weak<dyn CloseAtExit>>> = Mutex::new(Vec::new());
 pub trait CloseAtExit: Send + Sync {
     /// Closes, unless another thread's call is using it: then `None`. Waits end when `interrupted` returns
     /// `true`.
-    fn close_if_idle(&self, interrupted: IsCancelled<'_>) -> Option<PyResult<()>>;
+    fn close_if_idle(&self, interrupted: &mut dyn FnMut() -> bool) -> Option<PyResult<()>>;
 }
 
 /// Closes `client` at exit, unless it is dropped before.

@@ -11,20 +11,20 @@ mod dataset;
 mod envs;
 mod errors;
 mod exit;
+mod habits;
 mod make;
 mod policy;
 mod program;
 mod query;
 mod recorder;
-mod render;
 mod scenario;
-mod scenario_arg;
+mod seeds;
 mod snapshot;
 mod spectator;
+mod team;
 #[allow(unsafe_code)]
 mod views;
 mod wait;
-mod zoo;
 
 use pyo3::prelude::*;
 
@@ -43,6 +43,10 @@ mod _native {
     #[pymodule_export]
     use super::envs::Envs;
     #[pymodule_export]
+    use super::envs::render::Renderer;
+    #[pymodule_export]
+    use super::habits::check_settings;
+    #[pymodule_export]
     use super::make::{connect, make};
     #[pymodule_export]
     use super::policy::ScriptedPolicy;
@@ -53,17 +57,15 @@ mod _native {
     #[pymodule_export]
     use super::recorder::Recorder;
     #[pymodule_export]
-    use super::render::Renderer;
-    #[pymodule_export]
     use super::scenario::scenario;
     #[pymodule_export]
     use super::snapshot::{pack_snapshot, snapshot_columns};
     #[pymodule_export]
     use super::spectator::Spectator;
     #[pymodule_export]
-    use super::views::Frame;
+    use super::team::read_team;
     #[pymodule_export]
-    use super::zoo::zoo_file;
+    use super::views::Frame;
 
     // Numbers of the actions of an agent.
     #[pymodule_export]

@@ -1,29 +1,33 @@
 //! The two ways to get environments: `make` starts a pool in this process, `connect` attaches to a running
 //! pool.
 
-use crate::convert::{IntArg, parse_option, string_list, timeout_seconds, to_duration, to_side, to_unsigned};
+use crate::convert::{
+    IntArg, parse_option, string_list, timeout_seconds, to_duration, to_side, to_unsigned, translated,
+    type_name,
+};
 use crate::envs::{Embedded, Envs};
-use crate::errors::{self, invalid_request};
+use crate::errors::{self, invalid_request, shown};
 use crate::exit::PendingCall;
+use crate::habits::{KEYWORDS, Place, refuse_keywords, required};
 use crate::query::runtime_dir;
 use crate::recorder::{RecordingToFile, check_replay_path};
+use crate::seeds::random_seed;
 use crate::wait::{IsCancelled, run_on_thread};
 use pyo3::IntoPyObjectExt;
 use pyo3::exceptions::{PyTypeError, PyUserWarning};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PyMapping, PyString};
 use serde_json::Value;
 use smaclite_engine::policy::Tactic;
-use smaclite_engine::{BattleSetup, EnemySide, EpisodeLimit, Opponent, Opponents, Rules, Sides};
+use smaclite_engine::{BattleSetup, EnemySide, EpisodeLimit, OpponentsError, Rules, Sides};
 use smaclite_ipc::{
     Client, ConnectError, LaneConfig, LaneEnvs, RuntimeDir, Supervisor, SupervisorConfig, WaitOptions,
     WaitStrategy, check_name,
 };
+use smaclite_learn::{LaneOpponents, LaneOpponentsError};
 use smaclite_pool::fields::FieldSet;
-use smaclite_pool::{LaneSettings, PoolOptions};
+use smaclite_pool::{Autoreset, LaneSettings, PoolOptions};
 use smaclite_scenarios::ScenarioFiles;
-use smaclite_units::file::did_you_mean;
-use std::collections::BTreeMap;
 use std::ffi::CString;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -44,19 +48,22 @@ const MAX_LANES: usize = 64;
 ///         together (synchronous mode). With fewer, stepping is asynchronous: `send` actions to some
 ///         environments, and `recv` the first M that finish.
 ///     seed: from 0 to `2**64 - 1`; environment i is seeded with seed + i. With the same seed and actions it
-///         plays the same episodes as the published environment.
+///         plays the same episodes as the published environment. None: a random one, which `Envs.seed` has.
 ///     threads: number of threads that step environments, 1 to 1024. While the learner waits for a batch, its
 ///         thread is one of them. The default is the number of cores available to this process.
-///     autoreset: what happens at the end of an episode. "next_step": the next step ignores the actions,
-///         resets the environment and returns reward 0. "same_step": the last step already returns the first
-///         observation of the next episode, and `final_*` hold the last one. "disabled": the environment
-///         waits for a `reset`.
+///     autoreset_mode: what happens at the end of an episode, as in Gymnasium. "NextStep": the next step
+///         ignores the actions, resets the environment and returns reward 0. "SameStep": the last step
+///         already returns the first observation of the next episode, and `final_*` hold the last one.
+///         "Disabled": the environment waits for a `reset`. Members of Gymnasium's `AutoresetMode` are
+///         accepted, too.
 ///     episode_limit: number of steps after which an episode is truncated, at least 1; None for no limit;
 ///         "default" for the scenario's limit.
-///     rules: "smaclite", the rules of the published environment, or "paper", those in the text of its paper.
-///     opponent: who plays the enemies: a name of `OPPONENTS`, or a dictionary of names and weights, of which
-///         each episode draws one from the environment's generator. None: "attack_move", or "learner" if
-///         actions play both sides. See `docs/reference/opponents.md`.
+///     rules: "smaclite", the rules of the published environment; "paper", those in the text of its paper; or
+///         "starcraft", nearer to the battles of StarCraft. See `docs/concepts/starcraft.md`.
+///     opponent: who plays the enemies: a name of `OPPONENTS`; a trained team, as "zoo:3m" or by the folder
+///         of its run; or a dictionary of such names and weights, of which each episode draws one from the
+///         environment's generator. None: "attack_move", or "learner" if actions play both sides. See
+///         `docs/reference/opponents.md`.
 ///     sides: which sides actions play: "allies" or "both". With both, joint actions have `n_agents +
 ///         n_enemies` numbers, and batches have the fields `enemy_*`. See `docs/reference/both-sides.md`.
 ///     mirror: with both sides, reflect what the enemies see and do at the centre of the map, so that one
@@ -96,26 +103,26 @@ const MAX_LANES: usize = 64;
 ///     StartError: the pool could not start, for instance because its name is in use.
 // PyO3 shows only literals as defaults, so their text is repeated here; a test compares the two.
 #[pyfunction]
-#[pyo3(signature = (scenario, num_envs=IntArg::Small(64), *, batch_size=None, seed=IntArg::Small(0),
-    threads=None, autoreset="next_step", episode_limit=Some(LimitArg::Name("default".to_owned())),
+#[pyo3(signature = (scenario=None, num_envs=IntArg::Small(64), *, batch_size=None, seed=None,
+    threads=None, autoreset_mode=ModeArg::default(), episode_limit=Some(LimitArg::Name("default".to_owned())),
     rules="smaclite", opponent=None, sides="allies", mirror=false, zero_sum=false, teams=None,
     start_positions=None, rewards=None, smacv2=None, fields=None,
     obs_last_actions=IntArg::Small(0), obs_agent_id=false, max_held_batches=IntArg::Small(4),
     spectators=IntArg::Small(1), wait="adaptive", name=None, record=None, lanes=None, **unknown))]
-#[pyo3(text_signature = "(scenario, num_envs=64, *, batch_size=None, seed=0, threads=None, \
-    autoreset='next_step', episode_limit='default', rules='smaclite', opponent=None, sides='allies', \
+#[pyo3(text_signature = "(scenario, num_envs=64, *, batch_size=None, seed=None, threads=None, \
+    autoreset_mode='NextStep', episode_limit='default', rules='smaclite', opponent=None, sides='allies', \
     mirror=False, zero_sum=False, teams=None, start_positions=None, rewards=None, smacv2=None, fields=None, \
     obs_last_actions=0, obs_agent_id=False, max_held_batches=4, \
     spectators=1, wait='adaptive', name=None, record=None, lanes=None)")]
 #[allow(clippy::too_many_arguments)] // keyword arguments in Python
 pub fn make(
     py: Python<'_>,
-    scenario: PathBuf,
+    scenario: Option<PathBuf>,
     num_envs: IntArg,
     batch_size: Option<IntArg>,
-    seed: IntArg,
+    seed: Option<IntArg>,
     threads: Option<IntArg>,
-    autoreset: &str,
+    autoreset_mode: ModeArg,
     episode_limit: Option<LimitArg>,
     rules: &str,
     opponent: Option<OpponentArg>,
@@ -137,21 +144,21 @@ pub fn make(
     lanes: Option<IntArg>,
     unknown: Option<Bound<'_, PyDict>>,
 ) -> PyResult<Py<PyAny>> {
-    refuse_unknown(unknown.as_ref())?;
+    refuse_keywords(Place::Make, "make", unknown.as_ref(), &KEYWORDS)?;
+    let scenario = required("make", "scenario", scenario)?;
     let wait = parse_option::<WaitStrategy>(wait)?;
     let options = PoolOptions { threads: thread_count(threads)?, wait };
     let num_envs: usize = to_unsigned("num_envs", num_envs)?;
     let batch_size = batch_size.map(|n| to_unsigned("batch_size", n)).transpose()?;
-    let seed: u64 = to_unsigned("seed", seed)?;
+    let seed = seed.map(|seed| to_unsigned("seed", seed)).transpose()?;
     let obs_last_actions = to_unsigned("obs_last_actions", obs_last_actions)?;
     let max_held_batches = to_unsigned("max_held_batches", max_held_batches)?;
     let spectators = to_unsigned("spectators", spectators)?;
     let lanes = lanes.map(|lanes| lane_count(lanes, num_envs)).transpose()?;
-    let (rules, autoreset) = (parse_option::<Rules>(rules)?, parse_option(autoreset)?);
+    let (rules, autoreset) = (parse_option::<Rules>(rules)?, parse_option(&autoreset_mode.0)?);
     let episode_limit = to_episode_limit(episode_limit)?;
     let sides = Sides::new(sides, EnemySide { mirror, zero_sum }).map_err(invalid_request)?;
-    let opponents = opponent.map(OpponentArg::opponents).transpose()?;
-    opponents.iter().try_for_each(|own| own.check(sides)).map_err(invalid_request)?;
+    let opponents = opponent.map(|opponent| opponent.opponents(sides)).transpose()?;
     let keys =
         [("teams", teams), ("start_positions", start_positions), ("rewards", rewards), ("smacv2", smacv2)];
     let keys = keys.into_iter().filter_map(|(key, value)| Some((key, value?)));
@@ -166,6 +173,8 @@ pub fn make(
     let (name, runtime_dir) = (name.unwrap_or_else(unique_name), runtime_dir()?);
     record.as_deref().map_or(Ok(()), |path| check_replay_path("record", path))?;
     let _pending = PendingCall::new()?;
+    // Not before: when the interpreter exits, nothing can be imported.
+    let seed: u64 = seed.map_or_else(|| random_seed(py), Ok)?;
     let start = move |is_cancelled: IsCancelled<'_>| {
         let resolved = ScenarioFiles::resolve(&scenario.to_string_lossy());
         let (mut scenario, mut files) =
@@ -176,8 +185,11 @@ pub fn make(
         }
         sides.check(&scenario).map_err(invalid_request)?;
         let warnings = if files.is_standard() { Vec::new() } else { files.warnings() };
-        let opponents = opponents.unwrap_or_else(|| Opponents::of(&files, sides));
-        let setup = BattleSetup { files, rules, episode_limit, opponents, sides };
+        let setup = BattleSetup { rules, episode_limit, ..BattleSetup::new(files).with_sides(sides) };
+        let (setup, team) = match opponents {
+            Some(opponents) => opponents.open(setup).map_err(|error| invalid_request(shown(&error)))?,
+            None => (setup, None),
+        };
         let settings =
             LaneSettings { autoreset, fields, obs_last_actions, obs_agent_id, ..LaneSettings::new(num_envs) };
         let count = lanes.unwrap_or(1);
@@ -186,7 +198,7 @@ pub fn make(
             let suffix = if lanes.is_some() { format!("-{index}") } else { String::new() };
             let name = lane_name(&scenario.name, &suffix);
             let num_envs = num_envs / count + usize::from(index < num_envs % count);
-            let envs = LaneEnvs::Battle(setup.clone());
+            let envs = LaneEnvs::Battle { setup: setup.clone(), team: team.clone() };
             let batch_size = batch_size.unwrap_or(num_envs);
             let seed = seed.wrapping_add(first_env as u64);
             let settings = LaneSettings { num_envs, batch_size, seed, ..settings };
@@ -221,50 +233,38 @@ pub fn make(
     }
 }
 
-/// The keywords of [`make`].
-const KEYWORDS: [&str; 25] = [
-    "scenario",
-    "num_envs",
-    "batch_size",
-    "seed",
-    "threads",
-    "autoreset",
-    "episode_limit",
-    "rules",
-    "opponent",
-    "sides",
-    "mirror",
-    "zero_sum",
-    "teams",
-    "start_positions",
-    "rewards",
-    "smacv2",
-    "fields",
-    "obs_last_actions",
-    "obs_agent_id",
-    "max_held_batches",
-    "spectators",
-    "wait",
-    "name",
-    "record",
-    "lanes",
-];
-
 /// A dictionary as the value of a key of scenario files.
 fn json_of(key: &str, value: &Bound<'_, PyDict>) -> PyResult<Value> {
     let text = value.py().import("json")?.call_method1("dumps", (value,)).and_then(|text| text.extract());
-    let text: String =
-        text.map_err(|e| invalid_request(format!("{key} must be a dictionary as in JSON: {e}")))?;
+    let text: String = text.map_err(|error| {
+        translated(value.py(), error, |e| {
+            invalid_request(format!("{key} must be a dictionary as in JSON: {e}"))
+        })
+    })?;
     serde_json::from_str(&text)
         .map_err(|e| invalid_request(format!("{key} must be a dictionary as in JSON: {e}")))
 }
 
-/// As Python does, with a hint.
-fn refuse_unknown(unknown: Option<&Bound<'_, PyDict>>) -> PyResult<()> {
-    let Some(name) = unknown.and_then(|unknown| unknown.keys().iter().next()) else { return Ok(()) };
-    let name: String = name.extract()?;
-    let hint = did_you_mean(&name, KEYWORDS);
-    Err(PyTypeError::new_err(format!("make() got an unexpected keyword argument '{name}'; {hint}")))
+/// A keyword of [`Autoreset`](smaclite_pool::Autoreset), or Gymnasium's `AutoresetMode` of that value.
+pub struct ModeArg(String);
+
+impl Default for ModeArg {
+    fn default() -> Self {
+        ModeArg(Autoreset::default().name().to_owned())
+    }
+}
+
+impl FromPyObject<'_, '_> for ModeArg {
+    type Error = PyErr;
+
+    fn extract(arg: Borrowed<'_, '_, PyAny>) -> PyResult<ModeArg> {
+        let value = arg.getattr_opt("value")?.unwrap_or_else(|| arg.to_owned());
+        let mode = value.extract::<String>();
+        mode.map(ModeArg).map_err(|_| {
+            let got = arg.get_type().name().map_or_else(|_| String::new(), |name| format!(", got {name}"));
+            PyTypeError::new_err(format!("autoreset_mode must be a string or an AutoresetMode{got}"))
+        })
+    }
 }
 
 fn lane_count(lanes: IntArg, num_envs: usize) -> PyResult<usize> {
@@ -286,30 +286,87 @@ fn thread_count(threads: Option<IntArg>) -> PyResult<usize> {
 }
 
 /// A number of steps, or the name of the scenario's own limit.
-#[derive(FromPyObject)]
 pub enum LimitArg {
-    #[pyo3(annotation = "str")]
     Name(String),
-    #[pyo3(annotation = "int")]
     Steps(IntArg),
 }
 
-/// The name of an opponent, or names and weights.
-#[derive(FromPyObject)]
+impl FromPyObject<'_, '_> for LimitArg {
+    type Error = PyErr;
+
+    fn extract(arg: Borrowed<'_, '_, PyAny>) -> PyResult<LimitArg> {
+        match arg.cast::<PyString>() {
+            Ok(name) => Ok(LimitArg::Name(name.to_string_lossy().into_owned())),
+            Err(_) => arg.extract().map(LimitArg::Steps),
+        }
+    }
+}
+
+/// The name of an opponent, or names and weights. A folder is a name, too.
 pub enum OpponentArg {
-    #[pyo3(annotation = "str")]
     Name(String),
-    #[pyo3(annotation = "dict of str and float")]
-    Weights(BTreeMap<String, f64>),
+    Weights(Vec<(String, f64)>),
+}
+
+impl FromPyObject<'_, '_> for OpponentArg {
+    type Error = PyErr;
+
+    fn extract(arg: Borrowed<'_, '_, PyAny>) -> PyResult<OpponentArg> {
+        if let Some(name) = opponent_name(&arg)? {
+            return Ok(OpponentArg::Name(name));
+        }
+        let Ok(weights) = arg.cast::<PyMapping>() else {
+            let got = type_name(&arg);
+            return Err(PyTypeError::new_err(format!(
+                "opponent must be a name, such as \"kite\" or \"zoo:3m\", or a dict of names and weights, \
+                 such as {{\"kite\": 1.0}}, got {got}"
+            )));
+        };
+        weights.items()?.iter().map(|item| weight(&item)).collect::<PyResult<_>>().map(OpponentArg::Weights)
+    }
+}
+
+/// The name of a script or of a team, or the folder of a team, which can be any path.
+fn opponent_name(arg: &Bound<'_, PyAny>) -> PyResult<Option<String>> {
+    if let Some(fspath) = arg.getattr_opt("__fspath__")? {
+        return fspath.call0()?.extract().map(Some);
+    }
+    Ok(arg.cast::<PyString>().ok().map(|name| name.to_string_lossy().into_owned()))
+}
+
+/// A name and its weight.
+fn weight(item: &Bound<'_, PyAny>) -> PyResult<(String, f64)> {
+    let (name, weight): (Bound<'_, PyAny>, Bound<'_, PyAny>) = item.extract()?;
+    let Some(text) = opponent_name(&name)? else {
+        let got = type_name(&name);
+        return Err(PyTypeError::new_err(format!("the keys of opponent must be names, got {got}")));
+    };
+    let weight = weight.extract::<f64>().map_err(|raised| {
+        translated(item.py(), raised, |_| {
+            let got = type_name(&weight);
+            PyTypeError::new_err(format!("the weight of opponent `{text}` must be a number, got {got}"))
+        })
+    })?;
+    Ok((text, weight))
 }
 
 impl OpponentArg {
-    fn opponents(self) -> PyResult<Opponents> {
+    fn opponents(self, sides: Sides) -> PyResult<LaneOpponents> {
         let opponents = match self {
-            OpponentArg::Name(name) => Opponent::from_name(&name).map(Opponents::from),
-            OpponentArg::Weights(weights) => Opponents::new(weights),
+            OpponentArg::Name(name) => LaneOpponents::new([(name, 1.0)]),
+            OpponentArg::Weights(weights) => LaneOpponents::new(weights),
         };
-        opponents.map_err(invalid_request)
+        let opponents = opponents.map_err(invalid_request)?;
+        match opponents.check(sides) {
+            Ok(()) => Ok(opponents),
+            Err(error @ LaneOpponentsError::Opponents(OpponentsError::NoLearner(_))) => {
+                Err(invalid_request(format!(
+                    "{error}; for the settings of a trained team: \
+                 make(..., sides=\"both\", **team.settings | {{\"opponent\": \"learner\"}})"
+                )))
+            }
+            Err(error) => Err(invalid_request(error)),
+        }
     }
 }
 
@@ -320,9 +377,7 @@ fn to_episode_limit(limit: Option<LimitArg>) -> PyResult<EpisodeLimit> {
         None => Ok(EpisodeLimit::None),
         Some(LimitArg::Name(name)) if name == "default" => Ok(EpisodeLimit::Scenario),
         Some(LimitArg::Name(name)) => Err(invalid_request(format!("{EXPECTED}, got `{name}`"))),
-        Some(LimitArg::Steps(IntArg::Other(type_name))) => {
-            Err(PyTypeError::new_err(format!("{EXPECTED}, got {type_name}")))
-        }
+        Some(LimitArg::Steps(IntArg::Other(other))) => Err(other.error(EXPECTED)),
         Some(LimitArg::Steps(IntArg::Small(0))) => Err(invalid_request(format!("{EXPECTED}, got 0"))),
         Some(LimitArg::Steps(steps)) => Ok(EpisodeLimit::Steps(to_unsigned("episode_limit", steps)?)),
     }
@@ -364,18 +419,25 @@ fn unique_name() -> String {
 ///     ConnectError: the pool has no such lane, did not answer in time, or is of another release.
 ///     InvalidRequest: an argument is invalid.
 #[pyfunction]
-#[pyo3(signature = (pool, lane=None, *, timeout=0.0, wait="adaptive", record=None, side=None, on_leave=None))]
+#[pyo3(signature = (pool=None, lane=None, *, timeout=0.0, wait="adaptive", record=None, side=None,
+    on_leave=None, **unknown))]
+#[pyo3(text_signature = "(pool, lane=None, *, timeout=0.0, wait='adaptive', record=None, side=None, \
+    on_leave=None)")]
 #[allow(clippy::too_many_arguments)] // keyword arguments in Python
 pub fn connect(
     py: Python<'_>,
-    pool: String,
+    pool: Option<String>,
     lane: Option<String>,
     #[pyo3(from_py_with = timeout_seconds)] timeout: Option<f64>,
     wait: &str,
     record: Option<PathBuf>,
     side: Option<&str>,
     on_leave: Option<&str>,
+    unknown: Option<Bound<'_, PyDict>>,
 ) -> PyResult<Envs> {
+    let valid = ["pool", "lane", "timeout", "wait", "record", "side", "on_leave"];
+    refuse_keywords(Place::Connect, "connect", unknown.as_ref(), &valid)?;
+    let pool = required("connect", "pool", pool)?;
     let side = side.map(to_side).transpose()?;
     let on_leave = on_leave.map(Tactic::from_name).transpose().map_err(invalid_request)?;
     if side.is_none() && on_leave.is_some() {

@@ -1,8 +1,8 @@
 //! `ScriptedPolicy`: the scripted policies of the engine, played with the fields of batches.
 
 use crate::batch::{Batch, missing_field_error};
-use crate::convert::{self, IntArg, to_side, to_unsigned};
-use crate::envs::Envs;
+use crate::convert::{self, IntArg, side_name, to_side, to_unsigned};
+use crate::envs::arg::EnvsArg;
 use crate::errors::invalid_request;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
@@ -30,8 +30,10 @@ fn fields(side: Faction) -> [Field; 2] {
 /// Args:
 ///     name: one of the policies of the page "Scripted policies" of the
 ///         documentation describes them.
-///     envs: the environments to play in, with the fields `state` and `avail_actions`.
-///     seed: of `random`, from 0 to `2**64 - 1`.
+///     envs: the environments to play in, or a wrapper of them, with the fields `state` and
+///         `avail_actions`.
+///     seed: of `random`, from 0 to `2**64 - 1`; None for one of the seed of `envs` and the
+///         side.
 ///     side: "allies", or "enemies" to choose the actions of the enemies, where actions play both sides; it
 ///         needs the fields `enemy_state` and `enemy_avail_actions` then. For a learner of one side
 ///         (`connect(side=...)`) it is that side.
@@ -52,24 +54,35 @@ pub struct ScriptedPolicy {
 #[pymethods]
 impl ScriptedPolicy {
     #[new]
-    #[pyo3(signature = (name, envs, *, seed=IntArg::Small(0), side="allies"))]
-    #[pyo3(text_signature = "(name, envs, *, seed=0, side='allies')")]
+    #[pyo3(signature = (name, envs, *, seed=None, side="allies"))]
+    #[pyo3(text_signature = "(name, envs, *, seed=None, side='allies')")]
     fn new(
         py: Python<'_>,
         name: String,
-        envs: &Bound<'_, Envs>,
-        seed: IntArg,
+        envs: EnvsArg<'_>,
+        seed: Option<IntArg>,
         side: &str,
     ) -> PyResult<ScriptedPolicy> {
-        let scripted = Scripted::from_name(&name, to_unsigned("seed", seed)?).map_err(invalid_request)?;
+        let envs = envs.0.get();
         let side = to_side(side)?;
-        let envs = envs.get();
+        let seed = match seed {
+            Some(seed) => to_unsigned("seed", seed)?,
+            // Another one per side, and another one than that of `sample_actions`.
+            None => envs.lane_description().settings.seed.rotate_left(32) ^ (1 + side as u64),
+        };
+        let scripted = Scripted::from_name(&name, seed).map_err(invalid_request)?;
         // A learner of one side reads that side's fields by the names of the agents'.
         let (side, fields) = match envs.side_of_learner() {
             Some(own) => (own, fields(Faction::Ally)),
             None => (side, fields(side)),
         };
         if let Some(missing) = fields.into_iter().find(|field| envs.layout().offset(*field).is_none()) {
+            if side == Faction::Enemy && envs.layout().sizes().enemies.is_none() {
+                return Err(invalid_request(
+                    "side must be `allies` in environments whose actions play the agents alone; \
+                     make(..., sides=\"both\") or `serve --sides both` have actions for the enemies, too",
+                ));
+            }
             let [state, masks, missing] = [fields[0], fields[1], missing].map(|field| field.spec().name);
             return Err(invalid_request(format!(
                 "scripted policies need the fields `{state}` and `{masks}`, but this lane omits `{missing}`"
@@ -100,13 +113,19 @@ impl ScriptedPolicy {
         batch: &Bound<'py, Batch>,
         out: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray2<i32>>> {
-        self.act(py, batch.get().received(), out)
+        self.act(py, batch.get(), out)
     }
 
     /// The policy's name.
     #[getter]
     fn name(&self) -> &str {
         &self.name
+    }
+
+    /// The side whose actions it chooses, "allies" or "enemies".
+    #[getter]
+    fn side(&self) -> &'static str {
+        side_name(self.side)
     }
 
     fn __repr__(&self) -> String {
@@ -118,7 +137,7 @@ impl ScriptedPolicy {
     fn act<'py>(
         &self,
         py: Python<'py>,
-        batch: &smaclite_ipc::Batch,
+        batch: &Batch,
         out: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray2<i32>>> {
         let [state, masks] = self.fields;
@@ -139,15 +158,14 @@ impl ScriptedPolicy {
                 sizes.state_size
             )));
         }
-        let states = batch.field::<f32>(state).ok_or_else(|| missing_field_error(state))?;
-        let masks = batch.field::<u8>(masks).ok_or_else(|| missing_field_error(masks))?;
+        let (states, masks) = (batch.floats(py, state)?, batch.flags(py, masks)?);
         let shape = [batch.layout().slots(), sizes.n_agents];
         let out = out.map(|out| convert::output_array(out, shape)).transpose()?;
         // Not written to `out` directly: other threads may use that array meanwhile.
         let actions = py.detach(|| {
             let mut actions = vec![0; shape[0] * shape[1]];
             let mut scripted = self.scripted.lock().unwrap_or_else(PoisonError::into_inner);
-            scripted.act_batch_of(self.side, &self.arena, states, masks, &mut actions);
+            scripted.act_batch_of(self.side, &self.arena, &states, &masks, &mut actions);
             actions
         });
         match out {

@@ -1,6 +1,6 @@
 //! Recording battles of a pool: a follower, whose newest episodes can be written as a replay at any time.
 
-use crate::convert::{IntArg, to_unsigned};
+use crate::convert::{IntArg, is_about_argument, to_unsigned};
 use crate::errors::{class, client_error, connect_error, invalid_request};
 use crate::query::runtime_dir;
 use crate::wait::{IsCancelled, interruptible, run_on_thread};
@@ -116,13 +116,25 @@ pub struct Recorder {
     recorder: Mutex<Option<PoolRecorder>>,
 }
 
-/// One id or a list of ids. The list comes first, because an `IntArg` is also what is no integer.
-#[derive(FromPyObject)]
+/// One id or a list of ids.
 pub enum EnvIds {
-    #[pyo3(annotation = "list[int]")]
     Several(Vec<IntArg>),
-    #[pyo3(annotation = "int")]
     One(IntArg),
+}
+
+impl FromPyObject<'_, '_> for EnvIds {
+    type Error = PyErr;
+
+    fn extract(arg: Borrowed<'_, '_, PyAny>) -> PyResult<EnvIds> {
+        match arg.extract()? {
+            // What is not an integer is a list of them, or an error that says so of the value itself.
+            IntArg::Other(other) => match arg.extract::<Vec<IntArg>>() {
+                Err(error) if is_about_argument(&error, arg.py()) => Ok(EnvIds::One(IntArg::Other(other))),
+                ids => ids.map(EnvIds::Several),
+            },
+            one => Ok(EnvIds::One(one)),
+        }
+    }
 }
 
 impl Recorder {

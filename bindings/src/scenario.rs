@@ -1,15 +1,15 @@
 //! A scenario as a dict: the stats of its units, its map, and the layout of observations and state.
 
 use crate::convert::to_dict;
-use crate::errors::class;
-use crate::scenario_arg::ScenarioArg;
+use crate::envs::arg::ScenarioArg;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::{Value, json};
-use smaclite_engine::{FeatureBlock, SIGHT_RANGE, action_names, obs_features, state_features};
+use smaclite_engine::{
+    FeatureBlock, SIGHT_RANGE, action_names, feature_bounds, obs_features, state_features,
+};
 use smaclite_scenarios::{Faction, Scenario, Terrain};
 use smaclite_units::{Plane, Targeter, UnitType};
-use std::path::Path;
 
 /// Return everything about a scenario that never changes.
 ///
@@ -29,7 +29,8 @@ use std::path::Path;
 ///         `energy` (maxima), `cooldown` (s), `healer`, `plane`, `targets` (planes that it can attack or
 ///         heal) and `targeter`. `obs_layout` and `state_layout` are lists of dicts, the parts of an
 ///         observation and of the state in order, each with `name`, `start` (index of its first feature),
-///         `shape` ([features], or [units, features]) and `features` (their names).
+///         `shape` ([features], or [units, features]), `features` (their names), and `low` and `high` (their
+///         least and greatest values).
 ///
 /// Raises:
 ///     ScenarioError: the scenario is unknown, or its file or a unit file is invalid.
@@ -37,12 +38,6 @@ use std::path::Path;
 #[pyo3(signature = (scenario))]
 pub fn scenario<'py>(py: Python<'py>, scenario: ScenarioArg<'py>) -> PyResult<Bound<'py, PyDict>> {
     to_dict(py, &described(&scenario.resolve(py)?))
-}
-
-/// A standard scenario, or the one in a file; other Python threads run while it is read.
-pub fn resolve(py: Python<'_>, name_or_path: &Path) -> PyResult<Scenario> {
-    py.detach(|| Scenario::resolve(&name_or_path.to_string_lossy()))
-        .map_err(|error| class::ScenarioError::new_err(error.to_string()))
 }
 
 fn described(scenario: &Scenario) -> Value {
@@ -61,8 +56,8 @@ fn described(scenario: &Scenario) -> Value {
         "actions": action_names(scenario),
         "allies": units(scenario, Faction::Ally),
         "enemies": units(scenario, Faction::Enemy),
-        "obs_layout": layout(&obs_features(scenario)),
-        "state_layout": layout(&state_features(scenario)),
+        "obs_layout": layout(scenario, &obs_features(scenario)),
+        "state_layout": layout(scenario, &state_features(scenario)),
     })
 }
 
@@ -124,10 +119,19 @@ fn targeter(targeter: &Targeter) -> &'static str {
     }
 }
 
-fn layout(blocks: &[FeatureBlock]) -> Vec<Value> {
+fn layout(scenario: &Scenario, blocks: &[FeatureBlock]) -> Vec<Value> {
     let entries = blocks.iter().map(|block| {
         let shape: Vec<usize> = [block.rows, Some(block.features.len())].into_iter().flatten().collect();
-        json!({ "name": block.name, "start": block.start, "shape": shape, "features": block.features })
+        let (low, high): (Vec<f32>, Vec<f32>) =
+            feature_bounds(scenario, block).into_iter().map(|[low, high]| (low, high)).unzip();
+        json!({
+            "name": block.name,
+            "start": block.start,
+            "shape": shape,
+            "features": block.features,
+            "low": low,
+            "high": high,
+        })
     });
     entries.collect()
 }

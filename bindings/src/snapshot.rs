@@ -1,23 +1,26 @@
 //! Snapshots in Python: their columns as arrays, and back.
 
 use crate::convert::snapshots;
+use crate::envs::arg::ScenarioArg;
 use crate::errors::invalid_request;
-use crate::scenario_arg::ScenarioArg;
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
 use pyo3::exceptions::{PyKeyError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use smaclite_engine::{
-    Arena, COLUMNS, Column, ColumnAxis, ColumnSpec, RecordLayout, RecordSizes, Rules, Snapshot, SnapshotError,
+    Arena, COLUMNS, Column, ColumnAxis, ColumnSpec, Opponent, RecordLayout, RecordSizes, Sides, Snapshot,
+    SnapshotError,
 };
 use smaclite_scenarios::Scenario;
+use smaclite_units::file::{did_you_mean, shortened};
 
 /// Name, type, shape and meaning of every column.
 pub fn table() -> Vec<(&'static str, &'static str, String, &'static str)> {
     let axis = |axis: &ColumnAxis| match axis {
-        ColumnAxis::Unit | ColumnAxis::Actor => "n_units",
+        ColumnAxis::Unit => "n_units",
         ColumnAxis::Past => "n_past",
         ColumnAxis::Perception => "n_perception",
+        ColumnAxis::Phase => "n_phases",
         ColumnAxis::Xy => "2",
     };
     let row = |spec: &ColumnSpec| {
@@ -48,7 +51,7 @@ fn snapshot_error(error: SnapshotError) -> PyErr {
 #[pyfunction]
 pub fn snapshot_columns<'py>(snapshot: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyDict>> {
     let py = snapshot.py();
-    let bytes = snapshots(snapshot)?;
+    let bytes = snapshots("snapshot", snapshot)?;
     let layout = RecordLayout::of(bytes.as_slice()?).map_err(snapshot_error)?;
     let columns = PyDict::new(py);
     for spec in &COLUMNS {
@@ -73,8 +76,8 @@ pub fn snapshot_columns<'py>(snapshot: &Bound<'py, PyAny>) -> PyResult<Bound<'py
 ///     uint8 [snapshot_size].
 ///
 /// Raises:
-///     InvalidRequest: a column has another shape or a value that the unit cannot have, or the snapshot is of
-///         another scenario.
+///     InvalidRequest: a column has another shape or a value that the unit cannot have, there is a column
+///         that snapshots do not have, or the snapshot is of another scenario.
 ///     KeyError: a column is missing.
 ///     TypeError: a column has another type.
 ///     ScenarioError: the scenario is unknown, or its file or a unit file is invalid.
@@ -87,6 +90,7 @@ pub fn pack_snapshot<'py>(
     let scenario = scenario.resolve(py)?;
     let layout = layout_of(columns, &scenario)?;
     let mut record = vec![0; layout.size()];
+    check_names(columns)?;
     for spec in &COLUMNS {
         let bytes = column_bytes(columns, spec.name, spec.dtype.name(), &layout.shape(spec.column))?;
         layout.column_mut(&mut record, spec.column).copy_from_slice(bytes.as_slice()?);
@@ -110,6 +114,7 @@ fn layout_of(columns: &Bound<'_, PyDict>, scenario: &Scenario) -> PyResult<Recor
         n_enemies: size(Column::NEnemies)?,
         n_past: size(Column::NPast)?,
         n_perception: size(Column::NPerception)?,
+        n_phases: size(Column::NPhases)?,
     };
     let (expected, given) = ((scenario.n_agents(), scenario.n_enemies()), (sizes.n_agents, sizes.n_enemies));
     if given != expected || sizes.n_past > smaclite_pool::MAX_LAST_ACTIONS {
@@ -132,18 +137,32 @@ fn checked(
     layout: &RecordLayout,
     mut record: Vec<u8>,
 ) -> Result<Vec<u8>, SnapshotError> {
-    let n_past = layout.sizes().n_past;
-    let read = |rules| {
-        let arena = Arena::new(scenario, rules);
-        Snapshot::of_edited_record(&arena, n_past, &record).map(|read| (arena, read))
-    };
-    // The hash says which rule set it is.
-    let (arena, (snapshot, past_actions)) = match read(Rules::Smaclite) {
-        Err(SnapshotError::OtherScenario { .. }) => read(Rules::Paper),
-        read => read,
-    }?;
+    let (n_past, learner) = (layout.sizes().n_past, Opponent::Learner.index() as u32);
+    // Where a learner or a team plays the enemies, they have actions.
+    let is_of_learner = layout.column(&record, Column::Opponent) == learner.to_le_bytes();
+    let sides = if is_of_learner && scenario.smacv2.is_none() { Sides::MIRRORED } else { Sides::Allies };
+    let arena = Arena::new(scenario, layout.rules(&record)?).with_sides(sides);
+    let (snapshot, past_actions) = Snapshot::of_edited_record(&arena, n_past, &record)?;
     snapshot.write_record(&arena, layout, &past_actions, &mut record);
     Ok(record)
+}
+
+/// Every column must be one that snapshots have: a mistyped one would change nothing.
+fn check_names(columns: &Bound<'_, PyDict>) -> PyResult<()> {
+    let names = || COLUMNS.iter().map(|spec| spec.name);
+    for key in columns.keys() {
+        let name = key.str()?.to_string();
+        if !names().any(|known| known == name) {
+            let hint = match &*name {
+                "health" => "did you mean `hp`?".to_owned(),
+                "position" => "did you mean `pos`?".to_owned(),
+                "velocity" => "did you mean `vel`?".to_owned(),
+                _ => did_you_mean(&name, names()),
+            };
+            return Err(invalid_request(format!("snapshots have no column `{}`; {hint}", shortened(&name))));
+        }
+    }
+    Ok(())
 }
 
 fn required<'py>(columns: &Bound<'py, PyDict>, name: &str) -> PyResult<Bound<'py, PyAny>> {

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use smaclite_engine::Sides;
 use smaclite_pool::LaneSettings;
 use smaclite_pool::layout::Layout;
+use smaclite_pool::transport::MAX_AHEAD;
 
 /// Subscriptions of earlier learners that may last: of one that was killed, until its memory is reclaimed, or
 /// of one that is gone but whose process still holds frames. Each costs the memory of a learner's frames.
@@ -81,10 +82,10 @@ impl Capacity {
         self.requests_waiting + 1 + self.requests_read()
     }
 
-    /// Requests of a learner that the supervisor holds at once: one, or the actions of one side and a reset
-    /// that wait for the other side, and one more.
+    /// Requests of a learner that the supervisor holds at once: one, or those of one side that wait for the
+    /// other side and a reset that waits, and one more.
     pub(crate) fn requests_read(&self) -> usize {
-        if self.learners == 2 { 1 + self.requests_waiting + 1 } else { 2 }
+        if self.learners == 2 { MAX_AHEAD + 2 } else { 2 }
     }
 
     /// Bytes of shared memory that a learner needs for its requests.

@@ -5,15 +5,38 @@ use crate::runtime_dir::RuntimeDir;
 use rustix::fs::{StatVfsMountFlags, statvfs};
 use rustix::io::Errno;
 use rustix::process::{Resource, getrlimit};
+use std::cell::Cell;
 use std::error::Error;
 use std::fmt::Display;
+use std::time::{Duration, Instant};
 
 /// Fewer free file descriptors than this were too few: iceoryx2 closes what it opened before it reports a
 /// failure.
 const FEW_DESCRIPTORS: u64 = 16;
 
+/// How to give shared memory more room.
+const MORE_SHM: &str = "give it more (`docker run --shm-size`, `mount -o remount,size=...`)";
+
 /// Fewer bytes than one segment or file of iceoryx2 needs.
 const FEW_BYTES: u64 = 64 << 10;
+
+/// How long what the operating system refused counts as the cause of an error of iceoryx2 on the same thread.
+const NOTE_LASTS: Duration = Duration::from_secs(1);
+
+thread_local! {
+    /// What the operating system refused last.
+    static NOTE: Cell<Option<(Errno, Instant)>> = const { Cell::new(None) };
+}
+
+/// Notes what the operating system refused to a storage of iceoryx2, which reports it as an internal error.
+pub(crate) fn note(errno: Errno) {
+    NOTE.set(Some((errno, Instant::now())));
+}
+
+/// Takes what was noted on this thread.
+fn noted() -> Option<Errno> {
+    NOTE.take().filter(|(_, at)| at.elapsed() < NOTE_LASTS).map(|(errno, _)| errno)
+}
 
 /// An error of iceoryx2, with what was being done and its likely cause.
 #[derive(Debug, thiserror::Error)]
@@ -28,13 +51,17 @@ pub struct IpcError {
 pub(crate) fn doing<E: Error + Send + Sync + 'static>(
     doing: impl Into<String>,
 ) -> impl FnOnce(E) -> IpcError {
-    move |source| {
-        let shortage = few_descriptors()
-            .or_else(|| full("/dev/shm", "give it more (`mount -o remount,size=...`)"))
-            .or_else(limited_files);
-        let otherwise = || "set IOX2_LOG_LEVEL=debug for the log of iceoryx2".to_owned();
-        IpcError { doing: doing.into(), source: Box::new(source), advice: shortage.unwrap_or_else(otherwise) }
-    }
+    move |source| IpcError { doing: doing.into(), source: Box::new(source), advice: cause() }
+}
+
+/// The likely cause of an error of iceoryx2 that just happened on this thread, and its remedy.
+pub(crate) fn cause() -> String {
+    let shortage = noted()
+        .and_then(|errno| shortage(&errno.into()))
+        .or_else(few_descriptors)
+        .or_else(|| full("/dev/shm", MORE_SHM))
+        .or_else(limited_files);
+    shortage.unwrap_or_else(|| "set IOX2_LOG_LEVEL=debug for the log of iceoryx2".to_owned())
 }
 
 impl IpcError {
@@ -62,15 +89,44 @@ fn few_descriptors() -> Option<String> {
 
 /// The remedy for an error of the operating system, as the end of a message; empty if there is none.
 pub(crate) fn remedy(error: &std::io::Error) -> String {
+    shortage(error).map_or(String::new(), |shortage| format!("; {shortage}"))
+}
+
+/// What is short, and the remedy, if that is why the operating system refused something.
+fn shortage(error: &std::io::Error) -> Option<String> {
     let is = |errno: Errno| error.raw_os_error() == Some(errno.raw_os_error());
     // Errors to which a path was added have no number any more.
     let text = error.to_string();
     if is(Errno::MFILE) || text.contains("Too many open files") {
-        format!("; {}", few_descriptors().unwrap_or_else(|| "raise the limit (`ulimit -n`)".to_owned()))
+        let limit = || "the limit on file descriptors is reached: raise it (`ulimit -n`)".to_owned();
+        Some(few_descriptors().unwrap_or_else(limit))
+    } else if is(Errno::NFILE) {
+        Some("all processes of this machine together have too many files open (fs.file-max)".to_owned())
     } else if is(Errno::FBIG) || text.contains("File too large") {
-        limited_files().map_or(String::new(), |limit| format!("; {limit}"))
+        limited_files()
+    } else if is(Errno::NOMEM) {
+        Some(too_little_address_space())
+    } else if is(Errno::NOSPC) {
+        // What the kernel could not reserve in whole, it has given back.
+        let free = statvfs("/dev/shm").map_or(0, |stat| stat.f_bavail * stat.f_frsize);
+        Some(format!("/dev/shm has only {free} bytes free: {MORE_SHM}"))
+    } else if is(Errno::AGAIN) {
+        let text = "too many threads or too little memory for one: raise the limit (`ulimit -u`, \
+                    `docker run --pids-limit`, `ulimit -v`) or use fewer threads";
+        Some(text.to_owned())
     } else {
-        String::new()
+        None
+    }
+}
+
+fn too_little_address_space() -> String {
+    match getrlimit(Resource::As).current {
+        Some(limit) => {
+            format!("this process may use {limit} bytes of address space: raise the limit (`ulimit -v`)")
+        }
+        None => "the system has no memory left for it, or this process has too many mappings \
+                 (vm.overcommit_memory, vm.max_map_count)"
+            .to_owned(),
     }
 }
 

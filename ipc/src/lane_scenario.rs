@@ -5,7 +5,7 @@ use crate::control::client::ControlClient;
 use crate::control::protocol::{ControlError, ControlRequest, ControlResponse, LaneDescription};
 use crate::runtime_dir::RuntimeDir;
 use crate::wait_options::WaitOptions;
-use smaclite_engine::BattleSetup;
+use smaclite_engine::{BattleSetup, Sides};
 
 /// What the battles of a lane are played with, of the only lane if none is named. The episode limit is a
 /// number or none.
@@ -31,7 +31,9 @@ pub(crate) fn setup_in(response: ControlResponse) -> Result<(LaneDescription, Ba
                 what: format!("rules of lane `{}`: {error}", lane.lane),
             })?;
             let (episode_limit, opponents) = (lane.episode_limit.into(), lane.opponents.clone());
-            let setup = BattleSetup { files: *files, rules, episode_limit, opponents, sides: lane.sides };
+            // Its battles have both sides if a team plays one; to followers, the actions are of both.
+            let sides = if lane.opponent_team.is_some() { Sides::MIRRORED } else { lane.sides };
+            let setup = BattleSetup { files: *files, rules, episode_limit, opponents, sides };
             Ok((*lane, setup))
         }
         ControlResponse::Refused(refusal) => Err(refusal),

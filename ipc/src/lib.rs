@@ -37,6 +37,8 @@ mod batch;
 mod capacity;
 mod clean;
 mod client;
+mod connection_failures;
+mod connections;
 pub mod control;
 mod error;
 mod follower;

@@ -1,11 +1,13 @@
 //! Shared memory is reserved before it is used: a full `/dev/shm` is an error at the start, not a SIGBUS
 //! later.
 
+use crate::error::{IpcError, doing};
 use crate::runtime_dir::RuntimeDir;
 use rustix::fs::{FallocateFlags, fallocate};
 use rustix::io::Errno;
 use std::collections::BTreeSet;
 use std::fs::File;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 const SHM: &str = "/dev/shm";
@@ -50,13 +52,18 @@ const CHUNK: u64 = 8 << 20;
 
 /// Has the kernel reserve every page of the data segments that this process writes to; `false` if
 /// `interrupted` returned `true` meanwhile.
-pub(crate) fn reserve_segments(
+pub(crate) fn reserve_segments<E: From<TooLittleMemory> + From<IpcError>>(
     runtime_dir: &RuntimeDir,
     for_what: &str,
     interrupted: &mut dyn FnMut() -> bool,
-) -> Result<bool, TooLittleMemory> {
-    for path in own_segments(runtime_dir) {
-        let Ok(file) = File::options().write(true).open(&path) else { continue };
+) -> Result<bool, E> {
+    let reserving = || doing(format!("reserving memory for {for_what}"));
+    for path in own_segments(runtime_dir).map_err(reserving())? {
+        let file = match File::options().write(true).open(&path) {
+            Ok(file) => file,
+            Err(error) if error.kind() == ErrorKind::NotFound => continue, // of a pool that ended
+            Err(error) => return Err(reserving()(error).into()),
+        };
         let bytes = file.metadata().map_or(0, |m| m.len());
         let mut reserved = 0;
         while reserved < bytes {
@@ -69,7 +76,7 @@ pub(crate) fn reserve_segments(
                 Err(Errno::INTR) => {} // a signal; the kernel has undone this chunk
                 Err(Errno::NOSPC) => {
                     let available = rustix::fs::statvfs(SHM).map_or(0, |s| s.f_bavail * s.f_frsize);
-                    return Err(too_little(bytes, reserved + available, for_what));
+                    return Err(too_little(bytes, reserved + available, for_what).into());
                 }
                 Err(_) => break, // not every file system can
             }
@@ -79,15 +86,14 @@ pub(crate) fn reserve_segments(
 }
 
 /// The data segments of this runtime folder that are mapped for writing, which only their creator does.
-fn own_segments(runtime_dir: &RuntimeDir) -> BTreeSet<PathBuf> {
-    let maps = std::fs::read_to_string("/proc/self/maps").unwrap_or_default();
+fn own_segments(runtime_dir: &RuntimeDir) -> std::io::Result<BTreeSet<PathBuf>> {
+    let maps = std::fs::read_to_string("/proc/self/maps")?;
     let prefix = format!("{SHM}/{}", runtime_dir.shm_prefix());
-    maps.lines()
-        .filter_map(|line| {
-            let permissions = line.split_whitespace().nth(1)?;
-            let path = &line[line.find('/')?..];
-            let ours = permissions.contains('w') && path.starts_with(&prefix) && path.ends_with(".data");
-            ours.then(|| Path::new(path).to_owned())
-        })
-        .collect()
+    let segments = maps.lines().filter_map(|line| {
+        let permissions = line.split_whitespace().nth(1)?;
+        let path = &line[line.find('/')?..];
+        let ours = permissions.contains('w') && path.starts_with(&prefix) && path.ends_with(".data");
+        ours.then(|| Path::new(path).to_owned())
+    });
+    Ok(segments.collect())
 }

@@ -6,12 +6,12 @@
 //! instance, so that a restarted pool never finds services that a learner still holds of its predecessor.
 
 use crate::capacity::Capacity;
+use crate::connection_failures::{Failures, PeerEnd};
 pub use crate::error::IpcError;
 pub(crate) use crate::error::doing;
 use crate::runtime_dir::RuntimeDir;
 use crate::shm_dir::ShmDir;
 use crate::wire::{FrameHeader, RequestHeader, max_request_bytes};
-use iceoryx2::port::DegradationAction;
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
 use iceoryx2::port::publisher::Publisher;
@@ -198,22 +198,29 @@ impl LaneServices {
         &self,
         layout: &Layout,
         capacity: Capacity,
+        failures: &Failures,
     ) -> Result<FramePublisher, IpcError> {
         self.frames
             .publisher_builder()
             .initial_max_slice_len(layout.bytes())
             .max_loaned_samples(capacity.frames_filling)
             .backpressure_strategy(BackpressureStrategy::DiscardData)
+            .set_degradation_handler(failures.handler(PeerEnd::Receiver))
             .create()
             .map_err(doing("creating a lane's frame publisher"))
     }
 
     /// `waiting`: how many frames may wait; the oldest is dropped for a newer one.
-    pub(crate) fn frame_port(&self, waiting: usize, ipc_node: &IpcNode) -> Result<FramePort, IpcError> {
+    pub(crate) fn frame_port(
+        &self,
+        waiting: usize,
+        ipc_node: &IpcNode,
+        failures: &Failures,
+    ) -> Result<FramePort, IpcError> {
         let begin = Instant::now();
         loop {
-            let created = self.frames.subscriber_builder().buffer_size(waiting).create();
-            match created {
+            let builder = self.frames.subscriber_builder().buffer_size(waiting);
+            match builder.set_degradation_handler(failures.handler(PeerEnd::Sender)).create() {
                 Ok(subscriber) => {
                     return Ok(FramePort { subscriber, _shm_dir: Arc::clone(&ipc_node.shm_dir) });
                 }
@@ -242,6 +249,7 @@ impl LaneServices {
         layout: &Layout,
         num_envs: usize,
         capacity: Capacity,
+        failures: &Failures,
     ) -> Result<RequestPublisher, IpcError> {
         let requests = capacity.requests();
         self.requests
@@ -249,15 +257,17 @@ impl LaneServices {
             .initial_max_slice_len(max_request_bytes(layout, num_envs))
             .max_loaned_samples(1)
             .backpressure_strategy(BackpressureStrategy::DiscardData)
+            .set_degradation_handler(failures.handler(PeerEnd::Receiver))
             .override_sample_preallocation(move |_| requests)
             .create()
             .map_err(doing("creating a learner's request publisher"))
     }
 
-    pub(crate) fn request_subscriber(&self) -> Result<RequestSubscriber, IpcError> {
+    pub(crate) fn request_subscriber(&self, failures: &Failures) -> Result<RequestSubscriber, IpcError> {
         let builder = self.requests.subscriber_builder();
-        // `receive` fails for a learner whose requests cannot be read; iceoryx2's default ignores it.
-        let builder = builder.set_degradation_handler(|_, _| DegradationAction::DegradeAndFail);
-        builder.create().map_err(doing("subscribing to a lane's requests"))
+        builder
+            .set_degradation_handler(failures.handler(PeerEnd::Sender))
+            .create()
+            .map_err(doing("subscribing to a lane's requests"))
     }
 }

@@ -2,7 +2,9 @@
 //! or the learner.
 
 use crate::batch::Batch;
-use crate::client::{ClientError, ConnectError, checked_layout};
+use crate::client::{ClientError, ConnectError, checked_layout, connect_ports};
+use crate::connection_failures::Failures;
+use crate::connections::PeerPorts;
 use crate::control::client::ControlClient;
 use crate::control::protocol::{ControlError, ControlRequest, ControlResponse, LaneDescription};
 use crate::memory::{PORTS, check_room};
@@ -84,10 +86,10 @@ impl Spectator {
         runtime_dir: &RuntimeDir,
         pool: &str,
         lane: Option<&str>,
-        wait: WaitOptions<'_>,
+        mut wait: WaitOptions<'_>,
     ) -> Result<Spectator, ConnectError> {
         let request = ControlRequest::Watch { lane: lane.map(str::to_owned) };
-        let (control, response) = ControlClient::request(runtime_dir, pool, &request, wait)?;
+        let (mut control, response) = ControlClient::request(runtime_dir, pool, &request, wait.reborrow())?;
         let description = match response {
             ControlResponse::Lane(lane) => *lane,
             ControlResponse::Refused(refusal) => return Err(refusal.into()),
@@ -96,6 +98,8 @@ impl Spectator {
         let layout = Arc::new(checked_layout(&description)?);
         let ports = open_ports(runtime_dir, &description).map_err(|error| control.cause_of(error))?;
         let (frames, services, ipc_node) = ports;
+        let number = frames.subscriber.id().value().to_string();
+        connect_ports(&mut control, PeerPorts { frames: number, requests: None, frame_sent: None }, wait)?;
         let frames = Arc::new(frames);
         let lane = WatchedLane {
             current: None,
@@ -160,5 +164,8 @@ fn open_ports(
     check_room(PORTS, "a spectator")?;
     let ipc_node = open_node(runtime_dir, &format!("spectator of {}", lane.pool))?;
     let services = LaneServices::open(&ipc_node.node, &lane.instance, &lane.lane)?;
-    Ok((services.frame_port(1, &ipc_node)?, services, ipc_node))
+    let failures = Failures::default();
+    let frames = services.frame_port(1, &ipc_node, &failures)?;
+    failures.check()?;
+    Ok((frames, services, ipc_node))
 }

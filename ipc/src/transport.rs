@@ -7,10 +7,15 @@
 use crate::services::{
     FrameLoan, FramePublisher, IpcError, IpcListener, IpcNotifier, RequestSubscriber, doing,
 };
-use crate::wire::{FrameHeader, MAGIC, RequestMessage};
+use crate::variant::PoolService;
+use crate::wire::{FrameHeader, MAGIC, ReadRequest, RequestHeader, read_once, read_request};
 use iceoryx2::port::update_connections::UpdateConnections;
+use iceoryx2::sample::Sample;
+use smaclite_pool::Rejection;
 use smaclite_pool::layout::{FORMAT_VERSION, Layout};
-use smaclite_pool::transport::{Doorbell, Epoch, FrameContent, Inlet, Outlet, Transport, TransportError};
+use smaclite_pool::transport::{
+    Doorbell, Epoch, FrameContent, Inlet, Message, Outlet, Received, Request, Transport, TransportError,
+};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -23,25 +28,57 @@ impl Transport for Iceoryx {
     type Doorbell = WorkBell;
 }
 
+/// A received request in shared memory.
+pub(crate) struct RequestMessage {
+    sample: Sample<PoolService, [u8], RequestHeader>,
+    /// What its header said when it was received.
+    read: ReadRequest,
+}
+
+impl RequestMessage {
+    pub(crate) fn read(
+        sample: Sample<PoolService, [u8], RequestHeader>,
+        layout: &Layout,
+    ) -> Result<RequestMessage, Rejection> {
+        let read = read_request(read_once(sample.user_header()), sample.payload(), layout)?;
+        Ok(RequestMessage { sample, read })
+    }
+}
+
+impl Message for RequestMessage {
+    fn request(&self) -> Request<'_> {
+        self.read.request(self.sample.payload())
+    }
+
+    fn waited(&self) -> Duration {
+        self.read.waited()
+    }
+}
+
 /// A lane's requests.
 pub(crate) struct RequestInlet {
-    pub(crate) subscriber: RequestSubscriber,
+    pub(crate) subscriber: Arc<RequestSubscriber>,
     pub(crate) layout: Arc<Layout>,
 }
 
 impl Inlet for RequestInlet {
     type Message = RequestMessage;
 
-    fn receive(&mut self) -> Result<Option<RequestMessage>, TransportError> {
+    fn receive(&mut self) -> Result<Received<RequestMessage>, TransportError> {
         let sample = self.subscriber.receive().map_err(doing("receiving a request")).map_err(boxed)?;
-        Ok(sample.map(|sample| RequestMessage { sample, layout: Arc::clone(&self.layout) }))
+        let message = sample.map(|sample| RequestMessage::read(sample, &self.layout));
+        Ok(match message {
+            None => Received::Nothing,
+            Some(Ok(message)) => Received::Request(message),
+            Some(Err(rejection)) => Received::Malformed(rejection),
+        })
     }
 }
 
 /// A lane's frames.
 pub(crate) struct FrameOutlet {
-    pub(crate) publisher: FramePublisher,
-    pub(crate) notifier: IpcNotifier,
+    pub(crate) publisher: Arc<FramePublisher>,
+    pub(crate) notifier: Arc<IpcNotifier>,
     pub(crate) layout: Arc<Layout>,
     pub(crate) sequence: u64,
 }
@@ -100,7 +137,7 @@ fn boxed(error: IpcError) -> TransportError {
     TransportError(Box::new(error))
 }
 
-/// Wakes the worker that leads.
+/// Wakes the worker that polls the lanes for requests.
 pub(crate) struct WorkBell {
     pub(crate) listener: IpcListener,
     pub(crate) notifier: IpcNotifier,

@@ -14,18 +14,22 @@
 //!
 //! The storages used here map files below the root path of iceoryx2's configuration. That is a folder of mode
 //! 0700 in `/dev/shm` (see `shm_dir`), so it is the same memory, and no other user can list, open or make
-//! anything in it.
+//! anything in it. They close these files as soon as they are mapped or read.
+
+mod mapped_file;
+mod small_file;
 
 use iceoryx2::prelude::{Service, ZeroCopySend, ipc_threadsafe};
 use iceoryx2::service::internal::ServiceInternal;
 use iceoryx2_bb_elementary_traits::testing::abandonable::Abandonable;
 use iceoryx2_bb_lock_free::mpmc::counting_bit_set::RelocatableCountingBitSet;
-use iceoryx2_cal::dynamic_storage::file::Storage;
 use iceoryx2_cal::event::trigger::{State, unix_datagram_socket::GenericUnixDatagramSocketTrigger};
 use iceoryx2_cal::resizable_shared_memory::dynamic::DynamicMemory;
+use iceoryx2_cal::shared_memory::common::details::{AllocatorDetails, Memory};
 use iceoryx2_cal::shm_allocator::bump_allocator::BumpAllocator;
 use iceoryx2_cal::shm_allocator::pool_allocator::PoolAllocator;
-use iceoryx2_cal::{shared_memory, zero_copy_connection};
+use iceoryx2_cal::zero_copy_connection::common::details::{Connection, SharedManagementData};
+use mapped_file::Storage;
 use std::fmt::Debug;
 
 /// iceoryx2's service for processes whose threads share ports, with all files below the root path.
@@ -36,14 +40,14 @@ type Base = ipc_threadsafe::Service;
 
 impl Service for PoolService {
     type ServiceNameHasher = <Base as Service>::ServiceNameHasher;
-    type StaticStorage = <Base as Service>::StaticStorage;
+    type StaticStorage = small_file::Storage;
     type ConfigSerializer = <Base as Service>::ConfigSerializer;
     type PersistentDynamicStorage<T: Debug + Send + Sync + ZeroCopySend + 'static> = Storage<T>;
     type Bag = <Base as Service>::Bag;
     type DynamicStorage<T: Debug + Send + Sync + ZeroCopySend + 'static> = Storage<T>;
-    type SharedMemory = shared_memory::file::Memory<PoolAllocator>;
+    type SharedMemory = Memory<PoolAllocator, Storage<AllocatorDetails<PoolAllocator>>>;
     type ResizableSharedMemory = DynamicMemory<PoolAllocator, Self::SharedMemory>;
-    type Connection = zero_copy_connection::file::Connection;
+    type Connection = Connection<Storage<SharedManagementData>>;
     type Event = GenericUnixDatagramSocketTrigger<
         RelocatableCountingBitSet,
         Storage<State<RelocatableCountingBitSet, ()>>,
@@ -52,7 +56,7 @@ impl Service for PoolService {
     type Reactor = <Base as Service>::Reactor;
     type ArcThreadSafetyPolicy<T: Send + Debug + Abandonable> = <Base as Service>::ArcThreadSafetyPolicy<T>;
     type BlackboardMgmt<T: Send + Sync + Debug + ZeroCopySend + 'static> = Storage<T>;
-    type BlackboardPayload = shared_memory::file::Memory<BumpAllocator>;
+    type BlackboardPayload = Memory<BumpAllocator, Storage<AllocatorDetails<BumpAllocator>>>;
     type UniqueId = <Base as Service>::UniqueId;
 }
 

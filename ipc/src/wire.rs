@@ -1,17 +1,14 @@
 //! The bytes in shared memory: headers of frames and requests, and the layout of a request's payload.
 //! Whatever a peer wrote is checked here before other code sees it.
 
-#![allow(unsafe_code)] // `as_atomics` says why; the derive of `ZeroCopySend` asserts plain data
+#![allow(unsafe_code)] // `as_atomics` and `read_once` say why; `ZeroCopySend` asserts plain data
 
-use crate::variant::PoolService;
 use iceoryx2::prelude::ZeroCopySend;
-use iceoryx2::sample::Sample;
 use smaclite_engine::Faction;
 use smaclite_pool::Rejection;
 use smaclite_pool::layout::{BLOCK_ALIGN, FORMAT_VERSION, Layout};
-use smaclite_pool::transport::{Epoch, Message, Request, RequestKind, RequestNumber, SessionId};
-use std::sync::Arc;
-use std::sync::atomic::AtomicI32;
+use smaclite_pool::transport::{Epoch, Request, RequestKind, RequestNumber, SessionId};
+use std::sync::atomic::{AtomicI32, AtomicU64, Ordering};
 use std::time::Duration;
 
 /// First word of every header: "SMAC" in ASCII.
@@ -40,7 +37,8 @@ pub struct FrameHeader {
     pub slots: u32,
     /// 0 = a batch; otherwise the length of a JSON rejection at the payload's start.
     pub rejection_len: u32,
-    /// The refused request, if this is a rejection; 0 reports that the lane failed.
+    /// The refused request, if this is a rejection; 0 reports that the lane failed, or that the session ended
+    /// because the learner of the other side left.
     pub request: u64,
 }
 
@@ -51,7 +49,8 @@ pub enum ReceivedFrame {
     Batch,
     /// A request was refused.
     Rejection {
-        /// Its number; `None` reports that the lane failed.
+        /// Its number; `None` reports that the lane failed, or that the session ended because the learner of
+        /// the other side left.
         request: Option<RequestNumber>,
         /// Why.
         rejection: Rejection,
@@ -163,11 +162,6 @@ impl RequestHeader {
             sent_ns,
         }
     }
-
-    /// How long ago it was sent, at most a minute. Wrong if the sender lies.
-    pub(crate) fn waited(&self) -> Duration {
-        Duration::from_nanos(now_ns().saturating_sub(self.sent_ns)).min(Duration::from_secs(60))
-    }
 }
 
 /// Nanoseconds by the clock that all processes of a machine share (`CLOCK_MONOTONIC`).
@@ -222,28 +216,51 @@ fn check_origin(header: &RequestHeader, layout: &Layout) -> Result<(), Rejection
     Ok(())
 }
 
-/// A received request in shared memory.
-pub(crate) struct RequestMessage {
-    pub(crate) sample: Sample<PoolService, [u8], RequestHeader>,
-    pub(crate) layout: Arc<Layout>,
+/// The header of a request as it is now: its sender can still write to it.
+pub(crate) fn read_once(header: &RequestHeader) -> RequestHeader {
+    const WORDS: usize = size_of::<RequestHeader>() / size_of::<u64>();
+    // SAFETY: a header has the alignment of `AtomicU64`, for which every bit pattern is valid, and is read up
+    // to its end. Only loads are made, so the mapping may be read-only. The reference is iceoryx2's view of
+    // memory that its sender can still write to; nothing but these loads reads the values in it.
+    let words = unsafe { &*std::ptr::from_ref(header).cast::<[AtomicU64; WORDS]>() };
+    let words = words.each_ref().map(|word| word.load(Ordering::Relaxed));
+    // SAFETY: the sizes are equal (checked by the compiler), and all fields are integers, without padding
+    // between.
+    unsafe { std::mem::transmute::<[u64; WORDS], RequestHeader>(words) }
 }
 
-impl Message for RequestMessage {
-    fn request(&self) -> Result<Request<'_>, Rejection> {
-        read_request(*self.sample.user_header(), self.sample.payload(), &self.layout)
+/// What the header of a request says, checked against its length.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ReadRequest {
+    session: SessionId,
+    side: Option<Faction>,
+    number: RequestNumber,
+    kind: RequestKind,
+    count: usize,
+    sent_ns: u64,
+}
+
+impl ReadRequest {
+    /// The request, whose payload is the one that was given to [`read_request`], or one of its length.
+    pub fn request<'a>(&self, payload: &'a [u8]) -> Request<'a> {
+        let ReadRequest { session, side, number, kind, count, .. } = *self;
+        let env_ids = as_atomics(&payload[..count * size_of::<i32>()]);
+        let body = as_atomics(payload.get(body_offset(count)..).unwrap_or_default());
+        Request { session, side, number, kind, env_ids, body }
     }
 
-    fn waited(&self) -> Duration {
-        self.sample.user_header().waited()
+    /// How long ago it was sent, at most a minute. Wrong if the sender lies.
+    pub(crate) fn waited(&self) -> Duration {
+        Duration::from_nanos(now_ns().saturating_sub(self.sent_ns)).min(Duration::from_secs(60))
     }
 }
 
-/// Reads a request that another process wrote and may still be writing.
-pub fn read_request<'a>(
+/// Reads a request whose payload another process wrote and may still be writing.
+pub fn read_request(
     header: RequestHeader,
-    payload: &'a [u8],
+    payload: &[u8],
     layout: &Layout,
-) -> Result<Request<'a>, Rejection> {
+) -> Result<ReadRequest, Rejection> {
     check_origin(&header, layout)?;
     let count = header.count as usize;
     let seed = (header.has_seed != 0).then_some(header.seed);
@@ -277,10 +294,8 @@ pub fn read_request<'a>(
         let given = payload.len();
         return Err(malformed(format!("expected {bytes} bytes for {count} environments, got {given}")));
     }
-    let env_ids = as_atomics(&payload[..count * size_of::<i32>()]);
-    let body = as_atomics(payload.get(body_offset(count)..).unwrap_or_default());
     let (session, number) = (SessionId(header.session), RequestNumber(header.number));
-    Ok(Request { session, side, number, kind, env_ids, body })
+    Ok(ReadRequest { session, side, number, kind, count, sent_ns: header.sent_ns })
 }
 
 /// Views bytes as integers that another process may change at any time.
@@ -308,6 +323,7 @@ mod tests {
             obs_size: 3,
             state_size: 5,
             perception_size: 0,
+            n_phases: 0,
             enemies: None,
         };
         Layout::new(sizes, 0, 4, FieldSet::without_final())

@@ -44,7 +44,7 @@ if command -v wasm-opt >/dev/null; then
 else
     cp "$built" $engine
 fi
-# Some teams of the zoo: a page with all of them would be twice as large.
+# Some teams of the zoo: a page with all of them would be nearly three times as large.
 teams=()
 for map in 2s3z 3m 8m 5m_vs_6m 3s_vs_5z MMM; do
     folder=bindings/learn/zoo/$map

@@ -4,7 +4,6 @@ use serde::{Deserialize, Serialize};
 
 /// What happens to an environment whose episode ended: the three modes of Gymnasium.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
 pub enum Autoreset {
     /// The next step ignores the action, resets, and returns the first observation with reward 0.
     #[default]
@@ -19,19 +18,19 @@ pub enum Autoreset {
 impl Autoreset {
     const ALL: [Autoreset; 3] = [Autoreset::NextStep, Autoreset::SameStep, Autoreset::Disabled];
 
-    /// The keyword used in files, options and Python.
+    /// The keyword used in files, options and Python: the value of Gymnasium's `AutoresetMode`.
     pub fn name(self) -> &'static str {
         match self {
-            Autoreset::NextStep => "next_step",
-            Autoreset::SameStep => "same_step",
-            Autoreset::Disabled => "disabled",
+            Autoreset::NextStep => "NextStep",
+            Autoreset::SameStep => "SameStep",
+            Autoreset::Disabled => "Disabled",
         }
     }
 }
 
 /// A keyword that names no autoreset mode.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("autoreset must be `next_step`, `same_step` or `disabled`, got `{0}`")]
+#[error("autoreset_mode must be `NextStep`, `SameStep` or `Disabled`, got `{0}`")]
 pub struct UnknownAutoreset(pub String);
 
 impl std::str::FromStr for Autoreset {

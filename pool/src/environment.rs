@@ -1,8 +1,10 @@
-//! What the pool needs of an environment, as a trait, and its implementation by a battle. All other code of
-//! the pool steps environments by this trait alone, and knows nothing of units or rules.
+//! What the pool needs of an environment, as a trait, and its implementation by a battle. Lanes step and
+//! observe environments by this trait alone.
 //!
 //! The trait speaks in types of the engine, because users run battles: every worker has one [`Scratch`] for
-//! all its environments, and an environment that is a [`Battle`] can be saved and restored.
+//! all its environments. What only battles have is not in the trait: `hosted_env`, `stand_in` and
+//! `enemy_player` ask an environment for its [`Battle`] to save and restore it, to begin it with a level, to
+//! log it for followers, and for its second side.
 
 use smaclite_engine::{Battle, Faction, Scratch, Sizes, Step};
 use std::sync::atomic::{AtomicI32, Ordering};

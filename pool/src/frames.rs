@@ -39,7 +39,8 @@ pub(crate) struct Frames<O: Outlet> {
     opened: u64,
     /// `None` while the lane has no learner.
     epoch: Option<Epoch>,
-    /// Reserved for the report that the lane failed, whose cause may be that no frame is free.
+    /// Reserved for the report that the lane failed, whose cause may be that no frame is free, or that the
+    /// session ended, for which the control thread must not wait. Renewed for the next session.
     spare: Option<O::Loan>,
 }
 
@@ -52,6 +53,7 @@ impl<O: Outlet> Frames<O> {
     /// Until the next epoch begins, results belong to an earlier session and get no slots.
     pub(crate) fn begin_session(&mut self, session: Option<SessionId>) {
         self.epoch = session.map(|session| Epoch { session, reset: None });
+        self.spare = self.take_spare();
         self.open.retain_mut(|frame| {
             frame.stale = true;
             frame.written < frame.claimed
@@ -119,20 +121,17 @@ impl<O: Outlet> Frames<O> {
         Ok(())
     }
 
-    /// Publishes the reason why `session` is over, unless it is over already.
-    pub(crate) fn report_end(&mut self, session: SessionId, text: &[u8]) -> Result<(), TransportError> {
-        if self.epoch.is_some_and(|epoch| epoch.session == session) {
-            let loan = self.outlet.loan()?;
+    /// Publishes why the session ends, or the lane failed. Each happens once per session, so there is a
+    /// frame: the reserved one, if no other is free.
+    pub(crate) fn report_end(&mut self, text: &[u8]) {
+        let loan = self.outlet.loan().ok().or_else(|| self.spare.take());
+        if let Some(loan) = loan {
             self.publish_text(loan, None, text);
         }
-        Ok(())
     }
 
-    /// Publishes the reason why the lane failed. A lane fails once, so the reserved frame is still there.
-    pub(crate) fn report_failure(&mut self, text: &[u8]) {
-        if let Some(loan) = self.spare.take() {
-            self.publish_text(loan, None, text);
-        }
+    fn take_spare(&mut self) -> Option<O::Loan> {
+        self.spare.take().or_else(|| self.outlet.loan().ok())
     }
 
     fn publish_text(&mut self, mut loan: O::Loan, request: Option<RequestNumber>, text: &[u8]) {

@@ -1,10 +1,11 @@
 //! One environment of a lane: its tasks, autoreset, and how its slot of a frame is written.
 
 use crate::autoreset::Autoreset;
+use crate::enemy_player::EnemyPlayer;
 use crate::environment::{Environment, JointAction};
 use crate::episode_log::{EpisodeLog, EpisodePart, FollowerId, LogMemory};
 use crate::fields::Field;
-use crate::lane_settings::LaneSettings;
+use crate::lane_settings::LaneSpec;
 use crate::own_features::OwnFeatures;
 use crate::slot::Slot;
 use crate::stand_in::StandIn;
@@ -50,6 +51,7 @@ pub(crate) fn words_per_actor(sizes: Sizes) -> usize {
 /// An environment and its state as a member of a lane.
 pub(crate) struct HostedEnv {
     pub(crate) env: Box<dyn Environment>,
+    /// As its learner sees it.
     sizes: Sizes,
     /// Working memory of the report of its available actions, `[n_actors, words]`.
     available: Vec<u64>,
@@ -69,6 +71,8 @@ pub(crate) struct HostedEnv {
     level: Vec<f32>,
     /// Who plays the side whose learner left.
     stand_in: Option<Box<StandIn>>,
+    /// The enemies, if a team plays them.
+    enemies: Option<Box<EnemyPlayer>>,
 }
 
 /// A state of an environment that is a battle.
@@ -82,18 +86,19 @@ pub(crate) struct State {
 impl HostedEnv {
     pub(crate) fn new(
         mut env: Box<dyn Environment>,
-        settings: &LaneSettings,
+        spec: &LaneSpec,
         record: Option<Arc<RecordLayout>>,
     ) -> HostedEnv {
-        let sizes = env.sizes();
-        let fields = settings.frame_fields(sizes);
+        let sizes = spec.sizes;
+        let fields = spec.settings.frame_fields(sizes);
         if let Some(battle) = env.battle_mut()
             && (fields.contains(Field::RewardAgents) || fields.contains(Field::EnemyRewardAgents))
         {
             battle.keep_shares();
         }
         let available = vec![0; sizes.n_actors() * words_per_actor(sizes)];
-        let own = OwnFeatures::new(settings, sizes);
+        let own = OwnFeatures::new(&spec.settings, env.sizes());
+        let enemies = spec.team.as_ref().map(|team| Box::new(EnemyPlayer::new(team, env.sizes())));
         let alive = Vec::new();
         HostedEnv {
             env,
@@ -107,6 +112,7 @@ impl HostedEnv {
             staged: None,
             level: Vec::new(),
             stand_in: None,
+            enemies,
         }
     }
 
@@ -149,6 +155,12 @@ impl HostedEnv {
                 if let (Some(stand_in), Some(battle)) = (&mut self.stand_in, self.env.battle()) {
                     stand_in.act(battle, actions);
                 }
+                let actions = match (&mut self.enemies, self.env.battle()) {
+                    (Some(enemies), Some(battle)) => {
+                        enemies.join(battle, self.own.as_deref(), actions, scratch)
+                    }
+                    _ => actions,
+                };
                 let step = self.env.step_checked(actions, scratch);
                 self.is_over = step.terminated || step.truncated;
                 if let Some(own) = &mut self.own {
@@ -327,7 +339,7 @@ impl HostedEnv {
         if self.log.is_none()
             && let Some(battle) = self.env.battle()
         {
-            let n_actors = self.sizes.n_actors();
+            let n_actors = self.env.sizes().n_actors(); // of both sides, if a team plays one
             self.log = Some(Box::new(EpisodeLog::new(n_actors, battle.save(), memory.clone())));
         }
         if let Some(log) = &mut self.log {
@@ -390,7 +402,7 @@ impl HostedEnv {
             if let Some(own) = &self.own {
                 self.alive.resize(self.sizes.n_agents, 0);
                 self.env.write_alive(&mut self.alive);
-                own.write(Faction::Ally, &self.alive, out);
+                own.write(own.appended, Faction::Ally, &self.alive, out);
             }
         }
         if let Some(out) = slot.row(state) {
@@ -417,7 +429,7 @@ impl HostedEnv {
             if let Some(own) = &self.own {
                 self.alive.resize(self.sizes.n_enemies, 0);
                 battle.write_alive_of(Faction::Enemy, &mut self.alive);
-                own.write(Faction::Enemy, &self.alive, out);
+                own.write(own.appended, Faction::Enemy, &self.alive, out);
             }
         }
         if let Some(out) = slot.row(state) {

@@ -1,6 +1,7 @@
 //! The settings of a lane that its pool, its transport and its learner share.
 
 use crate::autoreset::Autoreset;
+use crate::enemy_team::EnemyTeam;
 use crate::environment::MakeEnvironment;
 use crate::fields::{Field, FieldSet};
 use crate::layout::Layout;
@@ -23,6 +24,7 @@ pub struct LaneSettings {
     /// Environment `i` starts with seed `seed + i` in every session.
     pub seed: u64,
     /// What happens at the end of an episode.
+    #[serde(rename = "autoreset_mode")]
     pub autoreset: Autoreset,
     /// The fields of a frame; the `final_*` ones are kept only under same-step autoreset.
     pub fields: FieldSet,
@@ -32,6 +34,8 @@ pub struct LaneSettings {
     pub obs_last_actions: usize,
     /// Whether an agent observes its own number: as a one-hot vector of `n_agents` at the end.
     pub obs_agent_id: bool,
+    /// How many of its own last actions a unit of the team observes that plays the enemies; 0 without one.
+    pub team_last_actions: usize,
 }
 
 /// A setting of a lane that is out of range.
@@ -58,6 +62,7 @@ impl LaneSettings {
             fields,
             obs_last_actions: 0,
             obs_agent_id: false,
+            team_last_actions: 0,
         }
     }
 
@@ -66,17 +71,22 @@ impl LaneSettings {
     /// # Errors
     /// Names the first setting that is out of its range.
     pub fn check(&self) -> Result<(), LaneSettingsError> {
-        let LaneSettings { num_envs, batch_size, obs_last_actions, .. } = *self;
+        let LaneSettings { num_envs, batch_size, .. } = *self;
         if num_envs == 0 || num_envs > MAX_ENVS {
             return Err(LaneSettingsError::NumEnvs(num_envs));
         }
         if batch_size == 0 || batch_size > num_envs {
             return Err(LaneSettingsError::BatchSize { batch_size, num_envs });
         }
-        if obs_last_actions > MAX_LAST_ACTIONS {
-            return Err(LaneSettingsError::LastActions(obs_last_actions));
+        if self.n_past() > MAX_LAST_ACTIONS {
+            return Err(LaneSettingsError::LastActions(self.n_past()));
         }
         Ok(())
+    }
+
+    /// How many joint actions environments and their snapshots keep, because observations have them.
+    pub fn n_past(&self) -> usize {
+        self.obs_last_actions.max(self.team_last_actions)
     }
 
     /// Is every environment stepped in every batch?
@@ -114,7 +124,7 @@ impl LaneSettings {
 
     /// Where the columns of the lane's snapshots are, if its frames have them.
     pub fn record_layout(&self, sizes: Sizes) -> Option<RecordLayout> {
-        let sizes = RecordSizes::new(&sizes, self.obs_last_actions);
+        let sizes = RecordSizes::new(&sizes, self.n_past());
         self.fields.contains(Field::Snapshot).then(|| RecordLayout::new(sizes))
     }
 }
@@ -123,12 +133,14 @@ impl LaneSettings {
 pub struct LaneSpec {
     /// The name learners attach by.
     pub name: String,
-    /// Sizes of every environment.
+    /// Sizes of every environment, as its learner sees them: without a second side that a team plays.
     pub sizes: Sizes,
     /// Number of environments, batches, seed, autoreset, fields, and what is appended to observations.
     pub settings: LaneSettings,
     /// Makes environment `i`.
     pub make: MakeEnvironment,
+    /// What plays the enemies, if that is a team.
+    pub team: Option<EnemyTeam>,
 }
 
 impl LaneSpec {

@@ -197,6 +197,7 @@ mod tests {
                 obs_size,
                 state_size,
                 perception_size: 0,
+                n_phases: 0,
                 enemies: Some(EnemySizes { n_actions: obs_size, obs_size: n_actions, state_size: n_agents }),
             },
         )

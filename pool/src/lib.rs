@@ -8,6 +8,7 @@
 
 #![deny(unsafe_code)] // except in `slot` and its one caller, which say why
 
+pub mod enemy_team;
 pub mod env_ids;
 pub mod environment;
 pub mod fields;
@@ -19,6 +20,7 @@ mod stand_in;
 pub mod transport;
 
 mod autoreset;
+mod enemy_player;
 mod episode_log;
 mod frames;
 mod hosted_env;

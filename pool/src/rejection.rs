@@ -9,8 +9,19 @@ use smaclite_engine::{Actor, Faction};
 #[serde(tag = "kind", rename_all = "snake_case")]
 #[allow(missing_docs)] // the messages say it
 pub enum Rejection {
-    #[error("environment {env}, {actor}: action {action} is not available; available: {available:?}")]
-    UnavailableAction { env: usize, actor: Actor, action: i32, available: Vec<usize> },
+    #[error(
+        "environment {env}, {actor}: action {action} is not available; available: {available:?}",
+        actor = actor_name(*actor, *has_sides)
+    )]
+    UnavailableAction {
+        env: usize,
+        actor: Actor,
+        action: i32,
+        available: Vec<usize>,
+        /// The lane has a learner for each side. Both get this error, and call their own units agents.
+        #[serde(default)]
+        has_sides: bool,
+    },
     #[error(
         "environment {env} does not exist; this lane has environments 0 to {last}",
         last = num_envs.saturating_sub(1)
@@ -39,13 +50,28 @@ pub enum Rejection {
     DifferentRequests { number: u64 },
     #[error("the learner of the {} left; close and connect again to go on", side_name(*side))]
     OtherLearnerLeft { side: Faction },
+    #[error(
+        "{waiting} requests of the learner of the {} already wait for those of the other learner; receive a \
+         result first",
+        side_name(*side)
+    )]
+    TooFarAhead { side: Faction, waiting: usize },
     #[error("malformed request: {what}")]
     Malformed { what: String },
     #[error("the lane failed and is out of service: {text}")]
     LaneFailed { text: String },
 }
 
-fn side_name(side: Faction) -> &'static str {
+fn actor_name(actor: Actor, has_sides: bool) -> String {
+    match actor {
+        Actor::Agent(unit) if has_sides => format!("agent {unit} of the learner of the allies"),
+        Actor::Enemy(unit) if has_sides => format!("agent {unit} of the learner of the enemies"),
+        actor => actor.to_string(),
+    }
+}
+
+/// As users name the side.
+pub fn side_name(side: Faction) -> &'static str {
     match side {
         Faction::Ally => "allies",
         Faction::Enemy => "enemies",

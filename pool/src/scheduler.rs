@@ -8,6 +8,7 @@ use crate::parking::{Parking, Searching, Source};
 use crate::pool_options::PoolOptions;
 use crate::transport::{Doorbell, SessionId, Transport, TransportError};
 use crate::wait_strategy::Polling;
+use crate::work::CHUNK;
 use smaclite_engine::Scratch;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Weak};
@@ -16,6 +17,9 @@ use std::time::Duration;
 
 /// A worker at the doorbell polls the lanes at least this often, even without a ring.
 const CHECK_INTERVAL: Duration = Duration::from_millis(100);
+
+/// At how many lanes a busy worker looks between two chunks.
+const LOOKS: usize = 4;
 
 /// How often a pool that stops looks whether learners still work in it.
 const LEAVING_INTERVAL: Duration = Duration::from_micros(50);
@@ -36,6 +40,16 @@ pub struct Pool<T: Transport> {
     /// `None` at the end of its drop.
     shared: Option<Arc<Shared<T>>>,
     threads: Vec<JoinHandle<()>>,
+}
+
+/// Whose turn it is, as a worker sees it.
+struct Turns {
+    /// The lane whose environments it looks for first.
+    serve: usize,
+    /// The lane whose requests it accepts next between two chunks.
+    poll: usize,
+    /// Environments that it served since it last did.
+    served: usize,
 }
 
 struct Shared<T: Transport> {
@@ -113,11 +127,11 @@ impl<T: Transport> Shared<T> {
     /// What a worker does.
     fn work(&self, worker: usize) {
         let mut scratch = Scratch::new();
-        let mut turn = worker; // the lane to begin with, so that lanes take turns
+        let mut turns = Turns { serve: worker, poll: worker, served: 0 };
         while let Some(searching) = self.parking.search(worker, self, self.polling) {
             let mut searching = Some(searching);
             while self.parking.may_work(worker)
-                && self.serve_any(worker, &mut turn, &mut searching, &mut scratch)
+                && self.serve_any(worker, &mut turns, &mut searching, &mut scratch)
             {}
         }
     }
@@ -126,34 +140,62 @@ impl<T: Transport> Shared<T> {
     fn serve_any<'a>(
         &'a self,
         worker: usize,
-        turn: &mut usize,
+        turns: &mut Turns,
         searching: &mut Option<Searching<'a>>,
         scratch: &mut Scratch,
     ) -> bool {
-        let lanes = self.lanes.len();
-        let served = (0..lanes).map(|i| (*turn + i) % lanes).find(|lane| {
-            self.serve(*lane, worker, scratch, || {
+        for lane in self.lanes_from(turns.serve) {
+            let served = self.serve(lane, worker, scratch, || {
                 if let Some(searching) = searching.take() {
                     self.parking.found(searching, self);
                 }
-            })
-        });
-        *turn = served.map_or(*turn, |lane| lane + 1);
-        served.is_some()
+            });
+            if served > 0 {
+                turns.serve = lane + 1;
+                self.poll_between(turns, served);
+                return true;
+            }
+        }
+        false
     }
 
-    /// Takes some environments of a lane and serves them; `false` if none are left to take.
-    fn serve(&self, lane: usize, thread: usize, scratch: &mut Scratch, taken: impl FnOnce()) -> bool {
+    /// All lanes, beginning with this one.
+    fn lanes_from(&self, lane: usize) -> impl Iterator<Item = usize> + use<T> {
+        let lanes = self.lanes.len();
+        (0..lanes).map(move |i| (lane + i) % lanes)
+    }
+
+    /// Takes some environments of a lane and serves them. Returns how many; 0 if none are left to take.
+    fn serve(&self, lane: usize, thread: usize, scratch: &mut Scratch, taken: impl FnOnce()) -> usize {
         // Lanes begin at different threads, so that the only environments of several small lanes do not all
         // belong to the first one.
         let threads = self.parking.threads();
         let own = (thread + threads - lane % threads) % threads;
-        let Some(envs) = self.lanes[lane].work().take(own) else { return false };
+        let Some(envs) = self.lanes[lane].work().take(own) else { return 0 };
         taken();
+        let count = envs.len();
         if self.lanes[lane].serve(envs, scratch) {
-            self.accept(lane, 0); // the reset that waited for the last of them
+            self.accept(lane, 1); // the reset that waited for the last of them
         }
-        true
+        count
+    }
+
+    /// Accepts, between two chunks, what was sent to a lane that is idle: otherwise it would wait until all
+    /// other lanes have nothing left to take. Not needed while an idle worker polls. It looks at few lanes,
+    /// and accepts for one, so that a step does not take longer in a pool of many lanes.
+    fn poll_between(&self, turns: &mut Turns, served: usize) {
+        turns.served += served;
+        if turns.served < CHUNK || self.parking.is_polled() {
+            return;
+        }
+        turns.served = 0;
+        for lane in self.lanes_from(turns.poll).take(LOOKS) {
+            turns.poll = lane + 1;
+            if self.must_poll(lane) && self.lanes[lane].is_idle() {
+                self.accept(lane, 1);
+                break;
+            }
+        }
     }
 
     /// Accepts the next request of a lane, and wakes the workers for it, but for `present` threads, which
@@ -163,7 +205,7 @@ impl<T: Transport> Shared<T> {
         match catch_unwind(AssertUnwindSafe(|| lane.accept())) {
             Ok(Accepted::Nothing) => return false,
             Ok(Accepted::Refused) => {}
-            Ok(Accepted::Work(threads)) => self.parking.published(threads - present, self),
+            Ok(Accepted::Work(threads)) => self.parking.published(threads.saturating_sub(present), self),
             Err(panic) => {
                 lane.fail(panic_text(panic.as_ref()));
                 return false;
@@ -172,9 +214,14 @@ impl<T: Transport> Shared<T> {
         true
     }
 
-    /// The lanes whose learners do not accept their requests themselves.
+    /// Whether workers accept the requests of a lane: its learner does not.
+    fn must_poll(&self, lane: usize) -> bool {
+        !self.lanes[lane].accepts_itself()
+    }
+
+    /// The lanes whose requests workers accept.
     fn polled_lanes(&self) -> impl Iterator<Item = usize> {
-        (0..self.lanes.len()).filter(|lane| !self.lanes[*lane].accepts_itself())
+        (0..self.lanes.len()).filter(|lane| self.must_poll(*lane))
     }
 }
 
@@ -215,18 +262,22 @@ impl<T: Transport> PoolHandle<T> {
             lane,
             session,
             scratch: Scratch::new(),
+            turn: lane,
             place: None,
         })
     }
 }
 
 /// A learner's thread that works in the pool of its process while it waits (caller runs): it accepts the
-/// requests of its lane, and steps environments of its lane in the place of a worker.
+/// requests of its lane, and steps environments in the place of a worker: those of its own lane, by turns
+/// with those of lanes whose learners are in other processes.
 pub struct Participant<T: Transport> {
     pool: Weak<Shared<T>>,
     lane: usize,
     session: SessionId,
     scratch: Scratch,
+    /// The other lane that it looks at first.
+    turn: usize,
     /// The pool and the worker that it substitutes, between [`join`](Participant::join) and
     /// [`leave`](Participant::leave).
     place: Option<(Arc<Shared<T>>, usize)>,
@@ -263,12 +314,21 @@ impl<T: Transport> Participant<T> {
         }
     }
 
-    /// Joins, if it can, and serves some environments of the learner's lane. `false` if none are left to
-    /// take, or the pool ends.
+    /// Joins, if it can, and serves some environments of the learner's lane, and then some of another lane
+    /// whose turn it is. `false` if none of its own are left to take, or the pool ends.
     pub fn serve(&mut self) -> bool {
         self.join();
         let Some((shared, worker)) = &self.place else { return false };
-        !shared.parking.is_stopped() && shared.serve(self.lane, *worker, &mut self.scratch, || {})
+        let serve = |lane, scratch: &mut Scratch| shared.serve(lane, *worker, scratch, || {}) > 0;
+        if shared.parking.is_stopped() || !serve(self.lane, &mut self.scratch) {
+            return false;
+        }
+        // It may have the place of the only worker. Learners of this process have threads of their own.
+        let mut others = shared.lanes_from(self.turn).filter(|lane| shared.must_poll(*lane));
+        if let Some(lane) = others.find(|lane| serve(*lane, &mut self.scratch)) {
+            self.turn = lane + 1;
+        }
+        true
     }
 }
 

@@ -5,7 +5,7 @@ use crate::fields::Field;
 use crate::layout::{BLOCK_ALIGN, Element, Layout};
 use bytemuck::{NoUninit, bytes_of};
 use std::ptr::{NonNull, null_mut};
-use std::sync::atomic::{AtomicPtr, AtomicUsize, Ordering::Relaxed};
+use std::sync::atomic::{AtomicPtr, Ordering::Relaxed};
 
 /// The payload of a frame that workers are filling. Its creator keeps the memory alive and gives each slot to
 /// one thread at a time.
@@ -47,22 +47,23 @@ impl FrameMemory {
 /// load it after they have taken part of the loop, which they can only after it was stored.
 pub(crate) struct SharedFrame {
     base: AtomicPtr<u8>,
-    len: AtomicUsize,
+    /// Of every frame of the lane.
+    len: usize,
 }
 
 impl SharedFrame {
-    pub(crate) const fn none() -> SharedFrame {
-        SharedFrame { base: AtomicPtr::new(null_mut()), len: AtomicUsize::new(0) }
+    /// No frame yet; all will have the size of this layout.
+    pub(crate) fn none(layout: &Layout) -> SharedFrame {
+        SharedFrame { base: AtomicPtr::new(null_mut()), len: layout.bytes() }
     }
 
     pub(crate) fn store(&self, memory: Option<FrameMemory>) {
+        assert!(memory.is_none_or(|memory| memory.len >= self.len), "a frame is too small for its layout");
         self.base.store(memory.map_or(null_mut(), |memory| memory.base.as_ptr()), Relaxed);
-        self.len.store(memory.map_or(0, |memory| memory.len), Relaxed);
     }
 
     pub(crate) fn load(&self) -> Option<FrameMemory> {
-        let base = NonNull::new(self.base.load(Relaxed))?;
-        Some(FrameMemory { base, len: self.len.load(Relaxed) })
+        NonNull::new(self.base.load(Relaxed)).map(|base| FrameMemory { base, len: self.len })
     }
 }
 

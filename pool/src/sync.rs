@@ -24,7 +24,15 @@ pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
 }
 
-/// What loom, which knows nothing of crossbeam, explores in place of its queue.
+/// What loom explores in place of crossbeam's queue, whose atomics it cannot replace (`cfg(crossbeam_loom)`
+/// is for `crossbeam-utils`; `crossbeam-queue` 0.3 does not have it). Loom does not explore therefore:
+///
+/// - the time within a push in which `is_empty` is false and the item cannot be taken yet. A `pop` waits for
+/// its
+///   end, so to the code here a push is one operation, as under the mutex;
+/// - crossbeam's memory orders: a push releases to the pop of its item, and moving and reading the ends of
+/// the
+///   queue is sequentially consistent, which the handshakes of `parking` need of `is_empty`.
 #[cfg(loom)]
 pub(crate) struct ArrayQueue<T>(Mutex<std::collections::VecDeque<T>>, usize);
 

@@ -25,14 +25,29 @@ pub struct TransportError(#[from] pub Box<dyn std::error::Error + Send + Sync>);
 pub trait Inlet: Send + 'static {
     /// A received request, kept alive while it is read.
     type Message: Message + Send;
-    /// The next request, if one is waiting. Never blocks.
-    fn receive(&mut self) -> Result<Option<Self::Message>, TransportError>;
+    /// The next message, if one is waiting. Never blocks.
+    fn receive(&mut self) -> Result<Received<Self::Message>, TransportError>;
 }
 
-/// A message from a process that is not trusted.
+/// How many requests the learner of one side may send before that of the other side sends its first: a step,
+/// and a reset that gives it up.
+pub const MAX_AHEAD: usize = 2;
+
+/// What a lane received from a process that is not trusted.
+#[derive(Debug)]
+pub enum Received<M> {
+    /// No message.
+    Nothing,
+    /// A request that is well-formed for this lane.
+    Request(M),
+    /// Something else.
+    Malformed(Rejection),
+}
+
+/// A well-formed request. What precedes its environments was read once, when it was received.
 pub trait Message {
-    /// The request in the message, if it is well-formed for this lane.
-    fn request(&self) -> Result<Request<'_>, Rejection>;
+    /// The request.
+    fn request(&self) -> Request<'_>;
 
     /// How long ago the sender claims to have sent it. Used for statistics only.
     fn waited(&self) -> Duration {
@@ -65,8 +80,8 @@ pub struct Epoch {
     pub reset: Option<RequestNumber>,
 }
 
-/// A request in shared memory. The sender can still write to it, so every value is read once and checked
-/// after it was read; hence the atomics.
+/// A request. Its environments and its body are in shared memory to which the sender can still write, so each
+/// of their values is read once and checked after it was read; hence the atomics.
 #[derive(Clone, Copy, Debug)]
 pub struct Request<'a> {
     /// The session of the sender.

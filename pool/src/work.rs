@@ -16,7 +16,7 @@ use crossbeam::utils::CachePadded;
 use std::ops::Range;
 
 /// Most environments that a thread takes at a time: enough to make taking cheap, few enough that lanes take
-/// turns.
+/// turns. After as many a busy worker accepts what was sent to an idle lane.
 pub(crate) const CHUNK: usize = 16;
 
 /// What is to be done in a lane.

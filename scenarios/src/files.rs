@@ -2,7 +2,7 @@
 
 use crate::Scenario;
 use crate::keys::{GROUPS, REWARDS, SMACV2, TEAMS};
-use crate::unit_files::Origin;
+use crate::unit_files::{Origin, UnitFile};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use serde_json::value::{RawValue, to_raw_value};
@@ -10,6 +10,12 @@ use smaclite_units::Problems;
 use smaclite_units::file::{MAX_SCENARIO_BYTES, Report, read_text, shown_path};
 use std::collections::BTreeMap;
 use std::path::Path;
+
+/// Where the files of standard scenarios are in the source; they are embedded from there.
+pub(crate) const STANDARD_FOLDER: &str = "scenarios/data/";
+
+/// The end of the source of files with changed keys.
+const CHANGED: &str = " with changed keys";
 
 /// The text of a scenario file and of every unit file that it names.
 ///
@@ -27,17 +33,6 @@ pub struct ScenarioFiles {
     pub text: String,
     /// The unit files; standard unit types need none.
     pub unit_files: Vec<UnitFile>,
-}
-
-/// The text of a unit file.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct UnitFile {
-    /// The name of the unit type: the stem of the file.
-    pub name: String,
-    /// The keys of the scenario file that refer to the file.
-    pub keys: Vec<String>,
-    /// Its text; empty if only `unit_type_ids` refers to the file, which then is not read.
-    pub text: String,
 }
 
 impl ScenarioFiles {
@@ -99,7 +94,15 @@ impl ScenarioFiles {
             file.extend(to_raw_value(&value).ok().map(|value| (key, value)));
         }
         let text = serde_json::to_string_pretty(&file).unwrap_or_default() + "\n";
-        ScenarioFiles { source: format!("{} with changed keys", self.source), text, ..self.clone() }
+        ScenarioFiles { source: self.source_with_changes(), text, ..self.clone() }
+    }
+
+    /// What error messages call the file with other keys. A standard scenario has no file that a user could
+    /// open, so it is called by its name.
+    fn source_with_changes(&self) -> String {
+        let standard = self.source.strip_prefix(STANDARD_FOLDER).and_then(|file| file.strip_suffix(".json"));
+        let name = standard.unwrap_or(&self.source);
+        if name.ends_with(CHANGED) { name.to_owned() } else { format!("{name}{CHANGED}") }
     }
 
     /// Reads the scenario; no file is opened.
@@ -125,6 +128,9 @@ impl ScenarioFiles {
     pub fn scenario(&self) -> Result<Scenario, Problems> {
         let report = Report::default();
         let read = Scenario::read(&self.text, &self.source, Origin::Texts(&self.unit_files), &report);
-        report.finish(read).map(|(scenario, _)| scenario)
+        let scenario = report.finish(read).map(|(scenario, _)| scenario);
+        // The text with changes is in no file: its lines and columns would mislead.
+        let is_changed = self.source.ends_with(CHANGED);
+        scenario.map_err(|found| if is_changed { found.without_places(&self.source) } else { found })
     }
 }

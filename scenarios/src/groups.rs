@@ -2,7 +2,7 @@
 
 use crate::formation::formation;
 use crate::keys::{self, GROUP_KEYS};
-use crate::sight::{MAX_OUTLINE_IN_SIGHT, Outlines};
+use crate::terrain::{MAX_OUTLINE_IN_SIGHT, Outlines};
 use crate::unit_files::{UnitFiles, UnitSource};
 use crate::{Faction, MAX_UNITS, Placement, Terrain};
 use smaclite_units::file::{Node, Reported};
@@ -177,15 +177,37 @@ impl<'a> Roster<'a> {
         let (width, height) = (map.width(), map.height());
         let UnitType { name, plane, .. } = &self.unit_types[unit_type];
         if !(0.0..width as f32).contains(&x) || !(0.0..height as f32).contains(&y) {
-            let conflict = format!("puts a {name} at ({x}, {y}), outside the {width} x {height} map");
+            let conflict =
+                format!("puts {} at ({x}, {y}), outside the {width} x {height} map", with_article(name));
             return Err(group.conflict(&conflict));
         }
         // Collision avoidance has no direction in which it could separate two units at one point.
         if !self.occupied.insert((*plane as u8, x.to_bits(), y.to_bits())) {
-            let conflict =
-                format!("puts a {name} at ({x}, {y}), where another {plane} unit starts; move the group");
+            let conflict = format!(
+                "puts {} at ({x}, {y}), where another {plane} unit starts; move the group",
+                with_article(name)
+            );
             return Err(group.conflict(&conflict));
         }
         Ok(())
+    }
+}
+
+/// A unit of a type in a sentence: "a MARINE", "an archer".
+pub(crate) fn with_article(name: &str) -> String {
+    let article =
+        if name.starts_with(['a', 'e', 'i', 'o', 'u', 'A', 'E', 'I', 'O', 'U']) { "an" } else { "a" };
+    format!("{article} {name}")
+}
+
+#[cfg(test)]
+mod tests {
+    /// Warnings said "puts a archer".
+    #[test]
+    fn names_have_the_article_that_fits() {
+        assert_eq!(
+            ["MARINE", "archer", "ULTRALISK"].map(super::with_article),
+            ["a MARINE", "an archer", "an ULTRALISK"]
+        );
     }
 }

@@ -15,7 +15,7 @@ use smaclite_units::{Keyword, UnitType};
 use std::marker::PhantomData;
 
 /// Every key of a scenario file, in the order in which files have them.
-pub(crate) const KEYS: [&dyn AnyKey; 22] = [
+pub(crate) const KEYS: [&dyn AnyKey; 23] = [
     &SCHEMA_KEY,
     &NAME,
     &CUSTOM_UNIT_PATH,
@@ -25,6 +25,7 @@ pub(crate) const KEYS: [&dyn AnyKey; 22] = [
     &TEAMS,
     &START_POSITIONS,
     &ATTACK_POINT,
+    &MARCH_TO,
     &OPPONENT,
     &TERRAIN_PRESET,
     &TERRAIN,
@@ -123,6 +124,12 @@ pub(crate) const ATTACK_POINT: Key<Shape> = Key::optional(
     Shape { schema: attack_point_schema, expected: "[x, y], the point that the enemies march to" },
     "[x, y] on the map, in squares: the point that the enemies march to; they attack what they meet. \
      Required without `start_positions`, where the default is the centre of the map.",
+);
+pub(crate) const MARCH_TO: Key<Shape> = Key::optional(
+    "march_to",
+    Shape { schema: march_to_schema, expected: "\"AGENTS\", or the two ends of a line, [[x, y], [x, y]]" },
+    "Under rules `starcraft`: where the enemies march to instead of the attack point. \"AGENTS\" is the \
+     nearest agent; of a line, [[x, y], [x, y]], each episode draws a point. The other rules take no notice.",
 );
 pub(crate) const TERRAIN_PRESET: Key<Shape> = Key::optional(
     "terrain_preset",
@@ -269,6 +276,11 @@ fn ids_schema() -> Schema {
 
 fn attack_point_schema() -> Schema {
     json!({ "type": "array", "items": ON_ANY_MAP.schema(), "minItems": 2, "maxItems": 2 })
+}
+
+fn march_to_schema() -> Schema {
+    let line = json!({ "type": "array", "items": attack_point_schema(), "minItems": 2, "maxItems": 2 });
+    json!({ "anyOf": [{ "const": "AGENTS" }, line] })
 }
 
 fn preset_schema() -> Schema {

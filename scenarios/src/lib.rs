@@ -23,12 +23,10 @@ mod formation;
 mod generation;
 mod groups;
 mod keys;
-mod obstacles;
 mod open;
 mod read;
 mod rewards;
 mod scenario;
-mod sight;
 mod smacv2;
 mod standard;
 mod terrain;
@@ -36,17 +34,16 @@ mod unit_files;
 mod warnings;
 
 pub use error::ScenarioError;
-pub use files::{ScenarioFiles, UnitFile};
+pub use files::ScenarioFiles;
 pub use formation::formation;
 pub use generation::{Drawer, Drawn, DrawnTeams, Generation, Starts, Teams};
 pub use rewards::Rewards;
-pub use scenario::{Faction, Placement, Scenario};
-pub use sight::MAX_OUTLINE_IN_SIGHT;
+pub use scenario::{Destination, Faction, Placement, Scenario};
 /// What is wrong with scenario and unit files.
 pub use smaclite_units::{Problem, Problems};
 pub use smacv2::{Capability, EnemyMask, Smacv2};
-pub use terrain::{MAX_SIDE, Rect, Terrain};
-pub use unit_files::is_replaceable;
+pub use terrain::{MAX_OUTLINE_IN_SIGHT, MAX_SIDE, Rect, Terrain};
+pub use unit_files::{UnitFile, is_replaceable};
 
 /// The largest number of units of a scenario, both factions together.
 pub const MAX_UNITS: u32 = 1000;

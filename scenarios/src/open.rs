@@ -2,6 +2,7 @@
 
 use crate::generation::keys::{EXCEPTION_UNIT_TYPES, TEAMS_LIST, UNIT_TYPES};
 use crate::keys::{CUSTOM_UNIT_PATH, GROUPS, MAX_TYPE_NAME, TEAMS, UNIT_TYPE_IDS, UNITS};
+use crate::read::{refuse_other, refuse_page};
 use crate::unit_files::{Origin, UnitFiles};
 use crate::{Problems, ScenarioFiles};
 use smaclite_units::UnitType;
@@ -13,11 +14,14 @@ impl ScenarioFiles {
     /// the path of each of the unit files. Unit types without a file are left out.
     ///
     /// # Errors
-    /// [`Problems`] if the scenario file cannot be read as text.
+    /// [`Problems`] if the scenario file cannot be read as text, or is a file of another kind.
     pub fn open(path: &Path) -> Result<(ScenarioFiles, Vec<PathBuf>), Problems> {
         let report = Report::default();
         let text = read_text(path, MAX_SCENARIO_BYTES, &report);
-        let (text, source) = (report.finish(text)?, shown_path(path));
+        let source = shown_path(path);
+        let text = text.and_then(|text| refuse_page(&text, &source, &report).map(|()| text));
+        let text = report.finish(text)?;
+        refuse_json(&text, &source)?;
         let base_dir = path.parent().unwrap_or(Path::new(""));
         let report = Report::default(); // of problems that the editor shows by `scenario`
         let found = unit_files(&text, &source, base_dir, &report).unwrap_or_default();
@@ -33,6 +37,16 @@ impl ScenarioFiles {
         let found = files.find(key, &document.root()).ok()?;
         files.load(&found, &document.root()).ok()
     }
+}
+
+/// Refuses JSON that is not a scenario, which saving would replace. Text that is not JSON yet may become one.
+fn refuse_json(text: &str, source: &str) -> Result<(), Problems> {
+    let report = Report::default();
+    let refused = match Document::parse(text, source, &report) {
+        Ok(document) => refuse_other(&document.root(), source, &report),
+        Err(_) => return Ok(()),
+    };
+    refused.or_else(|reported| report.finish(Err(reported)))
 }
 
 fn unit_files(

@@ -5,7 +5,7 @@ use crate::generation::{read_generated, sample};
 use crate::groups::Roster;
 use crate::terrain::ON_ANY_MAP;
 use crate::unit_files::{Origin, UnitFiles, UnitSource};
-use crate::{Faction, MAX_UNITS, Rewards, Scenario, ScenarioFiles, Terrain, UnitFile};
+use crate::{Destination, Faction, MAX_UNITS, Rewards, Scenario, ScenarioFiles, Terrain, UnitFile};
 use crate::{keys, rewards, smacv2};
 use smaclite_units::Problems;
 use smaclite_units::file::{Document, Node, Object, Range, Report, Reported, SCHEMA_KEY};
@@ -38,7 +38,9 @@ impl Scenario {
         origin: Origin<'_>,
         report: &Report,
     ) -> Result<(Scenario, Vec<UnitFile>), Reported> {
+        refuse_page(text, source, report)?;
         let document = Document::parse(text, source, report)?;
+        refuse_other(&document.root(), source, report)?;
         let file = document.root().object(&keys::KEYS)?;
         let (schema, name) = (file.read_optional(&SCHEMA_KEY), file.read(&keys::NAME));
         let files = UnitFiles::new(origin, file.read_optional(&keys::CUSTOM_UNIT_PATH), report);
@@ -51,6 +53,7 @@ impl Scenario {
         let counts = check_counts(&file, roster.ok());
         let ids = read_type_ids(&file, &files, roster.ok());
         let attack_point = attack_point(&file, map);
+        let march_to = file.get(&keys::MARCH_TO).map(|node| march_to(&node, map)).transpose();
         let smacv2 = file.get(&keys::SMACV2).map(|node| smacv2::read(&node)).transpose();
         let rewards = read_rewards(&file);
         let opponent = file.read_optional(&keys::OPPONENT);
@@ -66,6 +69,7 @@ impl Scenario {
         let mut scenario = Scenario {
             name: name?,
             attack_point: attack_point?,
+            march_to: march_to?,
             num_unit_types,
             type_ids,
             ally_has_shields: ally_has_shields?,
@@ -115,6 +119,39 @@ fn check_counts(file: &Object, roster: Option<&Roster>) -> Result<[usize; 2], Re
     Ok([allies, enemies])
 }
 
+/// Refuses the page of a replay.
+pub(crate) fn refuse_page(text: &str, source: &str, report: &Report) -> Result<(), Reported> {
+    match text.trim_start().starts_with("<!") {
+        true => Err(report.add_unreadable(source.to_owned(), "it is a web page, not a scenario")),
+        false => Ok(()),
+    }
+}
+
+/// Refuses JSON of another kind, of which every key would be a problem.
+pub(crate) fn refuse_other(root: &Node, source: &str, report: &Report) -> Result<(), Reported> {
+    let other = other_kind(&root.entries()?);
+    other.map_or(Ok(()), |other| Err(report.add_unreadable(source.to_owned(), other)))
+}
+
+/// What an object with these keys is, if it is not a scenario.
+fn other_kind(entries: &[(&str, Node)]) -> Option<&'static str> {
+    let has = |name: &str| entries.iter().any(|(key, _)| *key == name);
+    let is_known = |name: &str| keys::KEYS.iter().any(|key| key.name() == name);
+    let n_known = entries.iter().filter(|(key, _)| is_known(key)).count();
+    match () {
+        // Of a scenario that is begun, or has wrong keys, all problems are told.
+        () if has(keys::GROUPS.name) || has(keys::TEAMS.name) || has(keys::NAME.name) => None,
+        () if 2 * n_known >= entries.len() => None,
+        () if has("hp") && has("damage") => {
+            Some("it is a unit type, not a scenario; scenarios name it in `units`")
+        }
+        () if has("config") && has("files") => Some(
+            "it describes a run of `smaclite-pool train` and is not a scenario; commands take its folder",
+        ),
+        () => Some("it is not a scenario, which has keys such as `name`, and `groups` or `teams`"),
+    }
+}
+
 /// The rewards of both sides; with SMACv2's interface those of agents are among its options.
 fn read_rewards(file: &Object) -> Result<Rewards, Reported> {
     let Some(node) = file.get(&keys::REWARDS) else { return Ok(Rewards::DEFAULT) };
@@ -152,6 +189,22 @@ fn attack_point(file: &Object, map: Option<&Terrain>) -> Result<[f64; 2], Report
         let side = |side: fn(&Terrain) -> u32| map.map_or(0.0, |map| f64::from(side(map)) / 2.0);
         return Ok([side(Terrain::width), side(Terrain::height)]);
     };
+    point(&node, map)
+}
+
+fn march_to(node: &Node, map: Option<&Terrain>) -> Result<Destination, Reported> {
+    if node.as_str() == Some("AGENTS") {
+        return Ok(Destination::Agents);
+    }
+    let refused = || node.invalid(keys::MARCH_TO.kind.expected);
+    let items = if node.as_str().is_none() { node.items()? } else { return Err(refused()) };
+    let [from, to] = items.as_slice() else { return Err(refused()) };
+    let (from, to) = (point(from, map), point(to, map));
+    Ok(Destination::Line([from?, to?]))
+}
+
+/// A point of the map.
+fn point(node: &Node, map: Option<&Terrain>) -> Result<[f64; 2], Reported> {
     let items = node.items()?;
     let [x, y] = items.as_slice() else {
         return Err(node.invalid("two numbers, [x, y]"));

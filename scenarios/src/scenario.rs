@@ -43,6 +43,15 @@ pub struct Placement {
     pub position: [f64; 2],
 }
 
+/// Where enemies march to, if it is not the attack point.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Destination {
+    /// The nearest agent.
+    Agents,
+    /// A point on the line between these two, drawn in each episode.
+    Line([[f64; 2]; 2]),
+}
+
 /// A checked scenario.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Scenario {
@@ -56,6 +65,8 @@ pub struct Scenario {
     pub units: Vec<Placement>,
     /// Where the enemies march to, `[x, y]` in squares.
     pub attack_point: [f64; 2],
+    /// Where they march to instead under rules `starcraft`.
+    pub march_to: Option<Destination>,
     /// Length of the type one-hot in observations and state; 0 for none, otherwise at least 2.
     pub num_unit_types: usize,
     /// Position in the one-hot of each entry of `unit_types`; all 0 when `num_unit_types` is 0.
@@ -102,6 +113,7 @@ impl Scenario {
         let enemies = self.units.iter().filter(|unit| unit.faction == Faction::Enemy);
         let (x, y) = enemies.fold((0.0, 0.0), |(x, y), unit| (x + unit.position[0], y + unit.position[1]));
         exchanged.attack_point = [x, y].map(|sum| sum / self.n_enemies() as f64);
+        exchanged.march_to = None;
         exchanged
     }
 
@@ -112,6 +124,9 @@ impl Scenario {
         let mut turned = Scenario { terrain: self.terrain.turned(), ..self.clone() };
         turned.units.iter_mut().for_each(|unit| unit.position = turn(unit.position));
         turned.attack_point = turn(self.attack_point);
+        if let Some(Destination::Line(ends)) = &mut turned.march_to {
+            *ends = ends.map(turn);
+        }
         turned
     }
 

@@ -5,6 +5,7 @@
 //! scenarios. In SMAC's 2m_vs_1z the enemies march to a random point between the marines; here it is the
 //! point midway between them.
 
+use crate::files::STANDARD_FOLDER;
 use crate::{Scenario, ScenarioError, ScenarioFiles};
 use smaclite_units::file::{did_you_mean, shortened};
 use std::path::Path;
@@ -91,7 +92,7 @@ impl ScenarioFiles {
     /// The file of the standard or generated scenario of that name, if there is one.
     fn standard(name: &str) -> Option<ScenarioFiles> {
         let (_, text) = all().find(|(standard, _)| *standard == name)?;
-        let source = format!("scenarios/data/{name}.json");
+        let source = format!("{STANDARD_FOLDER}{name}.json");
         Some(ScenarioFiles { source, text: (*text).into(), unit_files: Vec::new() })
     }
 

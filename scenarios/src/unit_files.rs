@@ -1,7 +1,7 @@
 //! The search for the unit type that a scenario file names: a standard type, or a file in one of a few
 //! folders.
 
-use crate::UnitFile;
+use serde::{Deserialize, Serialize};
 use smaclite_units::UnitType;
 use smaclite_units::file::{MAX_UNIT_BYTES, Node, Report, Reported, did_you_mean, read_text, shown_path};
 use std::cell::RefCell;
@@ -15,6 +15,17 @@ const ADDED: &str = "HYDRALISK";
 /// Whether a unit file of this name has priority over the standard type.
 pub fn is_replaceable(standard_type: &str) -> bool {
     standard_type == ADDED
+}
+
+/// The text of a unit file.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct UnitFile {
+    /// The name of the unit type: the stem of the file.
+    pub name: String,
+    /// The keys of the scenario file that refer to the file.
+    pub keys: Vec<String>,
+    /// Its text; empty if only `unit_type_ids` refers to the file, which then is not read.
+    pub text: String,
 }
 
 /// The identity of a unit type: two names of one file are one type.
@@ -100,11 +111,16 @@ impl<'a> UnitFiles<'a> {
             return Ok(UnitSource::Standard(name.into()));
         }
         let tried: Vec<_> = match self.origin {
-            Origin::Texts(files) => vec![format!("{} unit files in memory", files.len())],
+            Origin::Texts(files) => files.iter().map(|file| format!("{}.json", file.name)).collect(),
             Origin::Folder(_) => candidates.iter().map(|path| shown_path(path)).collect(),
         };
-        let (tried, hint) = (tried.join(", "), did_you_mean(name, UnitType::standard_names()));
-        let conflict = format!("is neither a standard unit type nor a unit file (tried {tried}); {hint}");
+        let tried = if tried.is_empty() {
+            "no unit file came with the scenario".to_owned()
+        } else {
+            format!("tried {}", tried.join(", "))
+        };
+        let hint = did_you_mean(name, UnitType::standard_names());
+        let conflict = format!("is neither a standard unit type nor a unit file ({tried}); {hint}");
         Err(node.wrong_key(&conflict))
     }
 

@@ -1,6 +1,7 @@
 //! What is allowed in a scenario, and most probably a mistake. Published scenarios may do it, so that these
 //! are warnings and no problems, and no rule of a battle depends on them.
 
+use crate::groups::with_article;
 use crate::keys::{self, GROUP_KEYS};
 use crate::{Faction, Placement, Scenario, ScenarioFiles, Terrain};
 use smaclite_units::file::{Document, Node, Report};
@@ -76,7 +77,8 @@ fn warn_of_blocked_squares(scenario: &Scenario, group: &Node, units: &[Placement
         n => format!(", and {n} more"),
     };
     group.conflict(&format!(
-        "puts a {name} at ({x}, {y}), on a blocked square that it may never leave{others}"
+        "puts {} at ({x}, {y}), on a blocked square that it may never leave{others}",
+        with_article(name)
     ));
 }
 

@@ -107,6 +107,20 @@ fn bad_keys_and_values() {
         (&[("ally_has_shields", "1")], "`ally_has_shields` is 1, but must be true or false"),
         (&[("attack_point", "[9]")], "`attack_point` is a list of length 1, but must be two numbers, [x, y]"),
         (&[("attack_point", "[9, 33]")], "`attack_point[1]` is 33, but must be a number from 0 to 32"),
+        (
+            &[("march_to", r#""agents""#)],
+            r#"`march_to` is "agents", but must be "AGENTS", or the two ends of a line, [[x, y], [x, y]]"#,
+        ),
+        (
+            &[("march_to", "[[9, 16]]")],
+            "`march_to` is a list of length 1, but must be \"AGENTS\", or the two ends of a line, \
+             [[x, y], [x, y]]",
+        ),
+        (&[("march_to", "[[9, 16], [9, 33]]")], "`march_to[1][1]` is 33, but must be a number from 0 to 32"),
+        (
+            &[("march_to", "[1, 2]")],
+            "`march_to[0]` is 1, but must be a list\n`march_to[1]` is 2, but must be a list",
+        ),
         (&[("episode_limit", "0")], "`episode_limit` is 0, but must be a whole number from 1 to 4294967295"),
     ]);
 }
@@ -335,7 +349,7 @@ fn a_bad_unit_file_is_named_with_its_scenario() {
     let (scout, duel) = (scout.display(), duel.display());
     let expected = format!(
         "{duel}:1:249: `groups[0].units.scout` refers to an invalid unit file, {scout}\n\
-         {scout}:1:8: `hp` is -45, but must be a number above 0 and at most 1000000"
+         {scout}:1:8: `hp` is -45, but must be a number from 0.001 to 1000000"
     );
     assert_eq!(error, expected);
 }

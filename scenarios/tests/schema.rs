@@ -38,6 +38,7 @@ const NAMES: &[&str] = &[
     "height",
     "hp",
     "initial_energy",
+    "march_to",
     "name",
     "num_unit_types",
     "radius",
@@ -174,6 +175,7 @@ fn is_inexpressible(problem: &Problem) -> bool {
         "must give the types that are not in",
         "must leave room for",
     ]) || path.starts_with("attack_point[")
+        || path.starts_with("march_to[")
         || path.starts_with("unit_type_ids.")
 }
 

@@ -10,7 +10,7 @@ use smaclite_ipc::{
 };
 use smaclite_tests::process::{NEW_PROCESS_NAMESPACE, TIMEOUT, can_launch, role_command, run_to_end};
 use smaclite_tests::raw_client::{Control, attach_request, request};
-use smaclite_tests::{Child, LanePlan, PoolPlan, TestDir};
+use smaclite_tests::{Child, LanePlan, PoolPlan, TestDir, skip};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::time::{Duration, Instant};
@@ -146,8 +146,7 @@ fn idle_connections_do_not_block_other_clients() {
 #[test]
 fn a_learner_outside_of_the_pools_process_namespace_gets_an_error() {
     if !can_launch(NEW_PROCESS_NAMESPACE) {
-        println!("skipped: this user cannot create process namespaces");
-        return;
+        return skip("this user cannot create process namespaces");
     }
     let dir = TestDir::new();
     let plan = PoolPlan::new([LanePlan::new("2s3z", 2)]);

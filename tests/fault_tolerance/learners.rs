@@ -2,9 +2,7 @@
 
 use crate::assert_contains;
 use rustix::process::{Pid, Resource, Rlimit, Signal, getrlimit, prlimit};
-use smaclite_ipc::status;
-use smaclite_tests::process::{TIMEOUT, eventually, eventually_within, role_command};
-use smaclite_tests::raw_client::{node, requests};
+use smaclite_tests::process::eventually;
 use smaclite_tests::{Child, LanePlan, PoolPlan, TestDir};
 use std::path::Path;
 
@@ -150,31 +148,39 @@ fn frames_of_a_client_that_is_gone_do_not_change() {
     supervisor.kill();
 }
 
-/// A lane that could not read a learner's requests waited without a message, and so did the learner.
+/// A pool that could not open a learner's requests only logged it, and the learner waited without end for
+/// its first batch. Whatever the pool is short of when a learner or a spectator attaches, that one is told,
+/// and others go on.
 #[test]
-fn requests_that_cannot_be_read_are_logged() {
+fn a_learner_that_the_pool_cannot_connect_to_is_told_why() {
     let dir = TestDir::new();
-    let log = tempfile::NamedTempFile::new().expect("a file");
-    let serve = "program serve 2s3z:2 --name train --threads 1";
-    let mut command = role_command(&dir, &[], serve);
-    let mut program = Child::spawn(command.stderr(log.reopen().expect("the same file")), serve);
-    assert!(
-        eventually_within(TIMEOUT * 2, || status(dir.runtime_dir(), "train").is_ok()),
-        "it does not serve"
-    );
-    let lane = dir.status().lanes.remove(0).description;
-    let node = node(dir.runtime_dir());
-    // Without a free file descriptor the pool cannot open the memory that the learner writes to.
-    let pid = Pid::from_raw(program.pid() as i32).expect("a process id");
-    let is_free = |number: &u64| !Path::new(&format!("/proc/{}/fd/{number}", program.pid())).exists();
+    let plan = PoolPlan::new([LanePlan::new("2s3z", 2), LanePlan::new("3m", 2)]);
+    let (supervisor, mut first) = Child::supervisor_and_learner(&dir, &plan);
+    let pid = Pid::from_raw(supervisor.pid() as i32).expect("a process id");
+    let is_free = |number: &u64| !Path::new(&format!("/proc/{}/fd/{number}", supervisor.pid())).exists();
     let before = getrlimit(Resource::Nofile);
-    let first_free = (0..).find(is_free);
-    prlimit(Some(pid), Resource::Nofile, Rlimit { current: first_free, ..before }).expect("a limit");
-    let _requests = requests(&node, &lane, 1 << 12);
-    let log_contains = |part: &str| std::fs::read_to_string(log.path()).is_ok_and(|text| text.contains(part));
-    let logged = eventually(|| log_contains("requests cannot be received"));
+    // How many descriptors a connection needs is iceoryx2's matter: each number is tried until one is enough.
+    let enough = (0..64).find(|&spare| {
+        let limit = (0..).filter(is_free).nth(spare);
+        prlimit(Some(pid), Resource::Nofile, Rlimit { current: limit, ..before }).expect("a limit");
+        let mut second = Child::learner(&dir, &plan.lanes[1]);
+        let attached = second.ask("connect train");
+        if let Err(error) = &attached {
+            println!("{spare} free descriptors: {error}");
+            let process = format!("(process {})", supervisor.pid());
+            assert_contains(error, &[&process, "file descriptors are open, and the limit is", "`ulimit -n`"]);
+        } else {
+            second.must("reset");
+            second.must("step 5");
+            second.must("disconnect");
+        }
+        first.must("step 5");
+        attached.is_ok()
+    });
     prlimit(Some(pid), Resource::Nofile, before).expect("the limit from before");
-    assert!(logged, "{}", std::fs::read_to_string(log.path()).unwrap_or_default());
-    program.signal(Signal::TERM);
-    assert_eq!(program.wait(TIMEOUT).and_then(|status| status.code()), Some(0));
+    assert!(enough > Some(0), "{enough:?} free descriptors were enough");
+    let mut second = Child::learner(&dir, &plan.lanes[1]);
+    second.must("connect train");
+    second.must("reset");
+    first.must("check");
 }

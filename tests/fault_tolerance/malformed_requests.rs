@@ -5,6 +5,7 @@ use crate::assert_contains;
 use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
+use smaclite_engine::{EnemySide, Faction};
 use smaclite_ipc::LaneDescription;
 use smaclite_ipc::wire::{RequestHeader, body_offset, request_bytes};
 use smaclite_pool::transport::{RequestKind, RequestNumber, SessionId};
@@ -225,7 +226,7 @@ mod rewriting {
                 raw.send(reset, &reset_payload(&envs), 64);
                 continue;
             }
-            let bytes = raw.send(RequestKind::Step, &payload, 64);
+            let bytes = raw.send(RequestKind::Step, &payload, 64).payload;
             let end = std::time::Instant::now() + std::time::Duration::from_micros(rng.random_range(0..400));
             while std::time::Instant::now() < end {
                 let at = body_offset(64) + rng.random_range(0..64 * 5) * 4;
@@ -241,6 +242,39 @@ mod rewriting {
         println!("{:?}", lane.stats);
         assert_eq!(lane.failure, None);
         assert!(lane.stats.rejected > 10 && lane.stats.frames > 10, "{:?}", lane.stats);
+    }
+
+    /// The header was read three times. A request of one side that was malformed in the first reading and
+    /// good in the next was carried out alone: the units of the other side went on with their actions of the
+    /// step before.
+    #[test]
+    fn a_request_whose_header_is_rewritten_is_never_that_of_both_sides() {
+        let dir = TestDir::new();
+        let lane = LanePlan::new("3m", 4).both_sides(EnemySide { mirror: false, zero_sum: false });
+        let _supervisor = Child::supervisor(&dir, &PoolPlan::new([lane]));
+        let mut raw = RawLearner::attach(dir.runtime_dir(), "3m", MAX_PAYLOAD);
+        let stats = || dir.status().lanes[0].stats;
+        raw.send(RequestKind::Reset { seed: None, levels: false }, &reset_payload(&[0, 1, 2, 3]), 4);
+        assert!(eventually(|| stats().frames == 1), "the reset was not answered");
+        let of_one_side = raw.lane.layout().expect("a layout").of_side(Faction::Enemy);
+        let mut payload = vec![0; request_bytes(&of_one_side, RequestKind::Step, 4)];
+        payload[..16].copy_from_slice(&reset_payload(&[0, 1, 2, 3]));
+        payload[body_offset(4)..].chunks_exact_mut(4).for_each(|action| action[0] = 1);
+        let mut rng = Pcg64::seed_from_u64(4);
+        for _ in 0..800 {
+            // Of the whole lane, for which it is too short.
+            let header = raw.send(RequestKind::Step, &payload, 4).header;
+            let end = std::time::Instant::now() + std::time::Duration::from_micros(300);
+            while std::time::Instant::now() < end {
+                let side = *[0, 2, 3].choose(&mut rng).expect("not empty");
+                // SAFETY: the header stays mapped while its publisher lives, and is aligned. The reader races
+                // with this on purpose; it uses atomics.
+                unsafe { std::ptr::addr_of_mut!((*header).side).write_volatile(side) };
+            }
+        }
+        assert!(eventually(|| stats().rejected > 10), "{:?}", stats());
+        let lane = dir.status().lanes.remove(0);
+        assert_eq!((lane.failure, lane.stats.accepted, lane.stats.frames), (None, 1, 1), "{:?}", lane.stats);
     }
 }
 

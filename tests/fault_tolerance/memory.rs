@@ -2,7 +2,7 @@
 
 use crate::assert_contains;
 use smaclite_tests::process::{TIMEOUT, can_launch};
-use smaclite_tests::{Child, LanePlan, PoolPlan, TestDir};
+use smaclite_tests::{Child, LanePlan, PoolPlan, TestDir, skip};
 use std::process::Command;
 
 /// Starts a child in a mount namespace whose `/dev/shm` is mounted with these options; `None` if mounting is
@@ -11,7 +11,7 @@ fn with_shm(dir: &TestDir, options: &str, role: &str) -> Option<Child> {
     let mount = format!("mount -t tmpfs -o {options} tmpfs /dev/shm && exec \"$0\" \"$@\"");
     let launcher = ["unshare", "-m", "sh", "-c", &mount];
     if !can_launch(&launcher) {
-        println!("skipped: no mount namespace is permitted here");
+        skip("no mount namespace is permitted here");
         return None;
     }
     Some(Child::launch(dir, &launcher, role))

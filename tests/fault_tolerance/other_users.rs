@@ -6,8 +6,9 @@
 use crate::assert_contains;
 use rustix::fs::{CWD, FileType, Mode, mknodat};
 use rustix::process::Signal;
+use smaclite_ipc::RuntimeDir;
 use smaclite_tests::process::TIMEOUT;
-use smaclite_tests::{Child, LanePlan, PoolPlan, TestDir};
+use smaclite_tests::{Child, LanePlan, PoolPlan, TestDir, skip};
 use std::os::unix::fs::{MetadataExt, PermissionsExt};
 use std::path::Path;
 use std::time::Instant;
@@ -45,8 +46,7 @@ fn another_user_can_open_no_file_while_pools_start_and_end() {
 #[test]
 fn files_of_another_user_in_shared_memory_do_no_harm() {
     if !rustix::process::getuid().is_root() {
-        println!("skipped: only root can create files as another user");
-        return;
+        return skip("only root can create files as another user");
     }
     let dir = TestDir::new();
     let folder = tempfile::tempdir_in("/tmp").expect("a folder");
@@ -97,6 +97,21 @@ fn a_truncated_segment_is_an_error_with_its_path_and_clean_removes_it() {
     let mut clean = Child::program(&dir, "clean");
     assert_eq!(clean.wait(TIMEOUT * 2).and_then(|status| status.code()), Some(0));
     dir.assert_empty();
+}
+
+/// The message said that the folder belongs to the user who made the link to it.
+#[test]
+fn a_link_of_another_user_is_named_as_what_is_wrong() {
+    if !rustix::process::getuid().is_root() {
+        return skip("only root can give a link to another user");
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    let link = folder.path().join("link");
+    std::os::unix::fs::symlink(folder.path(), &link).expect("a link");
+    assert!(RuntimeDir::at(link.clone()).is_ok());
+    std::os::unix::fs::lchown(&link, Some(1234), None).expect("own link");
+    let text = RuntimeDir::at(link.clone()).expect_err("a link of another user").to_string();
+    assert_contains(&text, &[&format!("{}: is a link that user 1234 made", link.display())]);
 }
 
 /// Lock files were opened whatever their type: opening a FIFO blocks, and a link refers to another file.

@@ -1,7 +1,8 @@
 //! Several lanes that share worker threads.
 
-use crate::harness::{start, wait_until};
+use crate::harness::{Learner, start, wait_until};
 use crate::{MAX_THREADS, STEPS};
+use smaclite_pool::transport::SessionId;
 use smaclite_tests::LanePlan;
 use smaclite_tests::fault::{Fault, Gate};
 use std::sync::{Arc, Mutex};
@@ -39,6 +40,65 @@ fn lanes_take_turns_on_a_worker() {
         assert!(ahead.unsigned_abs() <= RUN, "a lane had more than one run before the other's turn");
     }
     assert_eq!(log.lock().unwrap().len(), 2 * N);
+}
+
+/// A big lane whose environments but the first are logged, and a small one.
+fn big_and_small(gate: &Gate, log: &Arc<Mutex<Vec<char>>>) -> [LanePlan; 2] {
+    let logged = |name| Fault::Log(Arc::clone(log), name);
+    let rest = (1..4 * RUN).map(|env| (env, logged('A'))).collect();
+    let big = LanePlan { faults: rest, ..LanePlan::toy(4 * RUN) }.fault(0, Fault::Gate(gate.clone()));
+    [big, LanePlan::toy(1).fault(0, logged('b'))]
+}
+
+/// Environments of the big lane that were served before the small one, and after it.
+fn around_the_small_one(log: &Mutex<Vec<char>>) -> (usize, usize) {
+    let log = log.lock().unwrap();
+    let before = log.iter().position(|lane| *lane == 'b').expect("the small lane was served");
+    (before, log.len() - 1 - before)
+}
+
+/// Workers accepted requests only when no lane had anything left to take: a lane of one environment waited
+/// for the whole step of a big one.
+#[test]
+fn what_is_sent_to_an_idle_lane_is_accepted_between_two_runs_of_a_busy_one() {
+    let (gate, log) = (Gate::default(), Arc::default());
+    let (_pool, mut learners) = start(1, &big_and_small(&gate, &log));
+    learners.iter_mut().for_each(|learner| learner.send_reset_all(None));
+    let rows: Vec<_> = learners.iter().map(Learner::batch).collect();
+    gate.close();
+    learners[0].step_rows(&rows[0]);
+    gate.wait_for_arrival();
+    learners[1].step_rows(&rows[1]);
+    gate.open();
+    learners.iter().for_each(|learner| drop(learner.batch()));
+    let (before, after) = around_the_small_one(&log);
+    assert!(before < 2 * RUN && after >= RUN, "after {before} environments of the big lane, before {after}");
+}
+
+/// A learner's thread in the place of the only worker served its own lane to the end, and only then
+/// another's.
+#[test]
+fn a_learner_in_the_place_of_a_worker_serves_lanes_of_others_by_turns() {
+    let (gate, log) = (Gate::default(), Arc::default());
+    let (pool, mut learners) = start(1, &big_and_small(&gate, &log));
+    learners.iter_mut().for_each(|learner| learner.send_reset_all(None));
+    let rows: Vec<_> = learners.iter().map(Learner::batch).collect();
+    gate.close();
+    let mut participant = pool.handle().participant(0, SessionId(1)).expect("the lane's session");
+    participant.join();
+    learners[0].step_rows(&rows[0]);
+    participant.accept();
+    let accepted = pool.lane(1).stats().accepted;
+    std::thread::scope(|scope| {
+        scope.spawn(|| while participant.serve() {});
+        gate.wait_for_arrival();
+        learners[1].step_rows(&rows[1]);
+        wait_until("the worker accepts it", || pool.lane(1).stats().accepted > accepted);
+        gate.open();
+    });
+    learners.iter().for_each(|learner| drop(learner.batch()));
+    let (before, after) = around_the_small_one(&log);
+    assert!(before < 2 * RUN && after >= RUN, "after {before} environments of the big lane, before {after}");
 }
 
 #[test]

@@ -1,11 +1,11 @@
 //! Lanes with a learner for each side, of which one may have left or may send anything.
 
-use crate::harness::{Learner, all, start_one};
+use crate::harness::{Learner, all, start_one, wait_until};
 use smaclite_engine::policy::Tactic;
 use smaclite_engine::{EnemySide, Faction};
-use smaclite_pool::Pool;
 use smaclite_pool::fields::Field;
-use smaclite_pool::transport::RequestKind;
+use smaclite_pool::transport::{RequestKind, SessionId};
+use smaclite_pool::{Pool, Rejection};
 use smaclite_tests::LanePlan;
 use smaclite_tests::in_memory::InMemory;
 
@@ -96,4 +96,64 @@ fn either_learner_can_give_the_seed_of_a_reset() {
     let expected = states([Some(3), Some(4)]);
     assert!(states([Some(3), None]) == expected && states([None, Some(3)]) == expected);
     assert!(states([None, Some(4)]) != expected);
+}
+
+/// What one learner sent while the other was silent was kept without a limit, until the transport lent no
+/// more.
+#[test]
+fn a_learner_that_sends_too_far_ahead_of_the_other_is_told_so() {
+    let (pool, mut learner) = reset_lane();
+    let requests = [(RequestKind::Step, &[STOP; N * UNITS][..]), (RESET, &[])];
+    for (kind, actions) in requests {
+        learner.number += 1;
+        learner.send_half(ALLIES, kind, &all(N), actions);
+    }
+    learner.number += 1;
+    learner.send_half(ALLIES, RESET, &all(N), &[]);
+    assert_eq!(learner.rejection(), Rejection::TooFarAhead { side: Faction::Ally, waiting: 2 });
+    learner.number -= 3;
+    for (kind, actions) in requests {
+        learner.number += 1;
+        learner.send_half(ENEMIES, kind, &all(N), actions);
+        assert_eq!(learner.frame().rejection(), None, "the two that waited are carried out");
+    }
+    wait_until("both are counted", || pool.lane(0).stats().accepted == 3);
+}
+
+/// Both learners get the error, and each calls its own units agents: "agent 0" did not say whose.
+#[test]
+fn an_illegal_action_names_the_learner_that_chose_it() {
+    let (_pool, mut learner) = reset_lane();
+    let illegal = [9; N * UNITS];
+    for (side, name) in [(ALLIES, "allies"), (ENEMIES, "enemies")] {
+        learner.number += 1;
+        for of in [ALLIES, ENEMIES] {
+            let actions = if of == side { illegal } else { [STOP; N * UNITS] };
+            learner.send_half(of, RequestKind::Step, &all(N), &actions);
+        }
+        let (text, expected) = (
+            learner.rejection().to_string(),
+            format!("environment 0, agent 0 of the learner of the {name}: action 9 is not available"),
+        );
+        assert!(text.starts_with(&expected), "{text}");
+    }
+}
+
+/// The control thread, which alone can free the frames of a dead process, waited for one, and then failed the
+/// lane.
+#[test]
+fn a_session_ends_while_no_frame_is_free() {
+    let (pool, mut learner) = reset_lane();
+    for session in 2..4 {
+        learner.set_shortage(true);
+        pool.lane(0).end_session(Faction::Enemy);
+        let left = Rejection::OtherLearnerLeft { side: Faction::Enemy };
+        assert_eq!(learner.frame().rejection(), Some((0, left)));
+        assert_eq!(pool.lane(0).failure(), None);
+        learner.set_shortage(false);
+        pool.lane(0).set_session(Some(SessionId(session)));
+        (learner.session, learner.number) = (session, 0);
+        send_both(&mut learner, RESET, &[]);
+        assert_eq!(learner.frame().rejection(), None, "the next pair plays");
+    }
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 import shutil
 import signal
 import subprocess
@@ -13,6 +14,31 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+
+
+def note_test(outcome: str, name: str, reason: str) -> None:
+    """Notes which tests ran and which were skipped, for the end of a run of several jobs (.ci/skipped.py)."""
+    if folder := os.environ.get("SMACLITE_TEST_LOG"):
+        with (Path(folder) / f"{os.getpid()}.tsv").open("a", encoding="utf-8") as file:
+            file.write("\t".join((outcome, name, " ".join(reason.split()))) + "\n")
+
+
+def skip_reason(report: pytest.TestReport | pytest.CollectReport) -> str:
+    return report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
+
+
+def pytest_runtest_logreport(report: pytest.TestReport) -> None:
+    if hasattr(report, "node"):
+        return  # pytest-xdist hands on what a worker process has noted
+    if report.skipped:
+        note_test("skipped", report.nodeid, skip_reason(report))
+    elif report.when == "call":
+        note_test("ran", report.nodeid, "")
+
+
+def pytest_collectreport(report: pytest.CollectReport) -> None:
+    if report.skipped:  # a whole module, by `importorskip`
+        note_test("skipped", report.nodeid, skip_reason(report))
 
 
 def shm_prefix(root: Path) -> str:

@@ -67,7 +67,7 @@ def test_only_rows_of_equal_width_are_a_view() -> None:
 
 
 def test_rows_of_states_are_the_units_of_the_battle() -> None:
-    with sp.make("MMM2", 2) as envs:
+    with sp.make("MMM2", 2, seed=0) as envs:
         entities = sp.Entities(envs)
         batch = envs.reset(seed=1)
         for _ in range(80):
@@ -186,7 +186,7 @@ def test_types_that_are_drawn_come_from_the_observation() -> None:
                 assert views(batch, env, agent).unit_type == drawn
 
 
-@pytest.mark.parametrize("autoreset", ["next_step", "same_step"])
+@pytest.mark.parametrize("autoreset", ["NextStep", "SameStep"])
 def test_a_function_plays_as_the_same_policy_does(autoreset: Any) -> None:
     """A function of views chooses what it would choose of the arrays: in every step of every episode."""
 
@@ -194,16 +194,16 @@ def test_a_function_plays_as_the_same_policy_does(autoreset: Any) -> None:
         assert view.step == 0 or view.step < 60
         return max(view.actions.values())
 
-    with sp.make("3s_vs_5z", 4, autoreset=autoreset) as envs:
+    with sp.make("3s_vs_5z", 4, autoreset_mode=autoreset) as envs:
         expected = sp.evaluate(
             envs, lambda b: b.avail_actions.shape[-1] - 1 - b.avail_actions[..., ::-1].argmax(-1), 12, seed=5
         )
     function = sp.evaluate_function(
-        "3s_vs_5z", lambda view: max(view.actions.values()), 12, seed=5, num_envs=4, autoreset=autoreset
+        "3s_vs_5z", lambda view: max(view.actions.values()), 12, seed=5, num_envs=4, autoreset_mode=autoreset
     )
     assert np.array_equal(function.returns, expected.returns) and len(function) == 12
     assert np.array_equal(function.lengths, expected.lengths)
-    with sp.make("3s_vs_5z", 4, autoreset=autoreset, episode_limit=60) as envs:
+    with sp.make("3s_vs_5z", 4, autoreset_mode=autoreset, episode_limit=60) as envs:
         assert len(sp.evaluate(envs, sp.PerAgent(envs, lowest), 12, seed=5)) == 12
 
 

@@ -16,7 +16,7 @@ PROGRAM = [sys.executable, "-m", "smaclite_pool"]
 
 
 def test_the_enemies_have_fields_of_their_own() -> None:
-    with sp.make("MMM2", num_envs=3, sides="both", obs_agent_id=True, autoreset="same_step") as envs:
+    with sp.make("MMM2", num_envs=3, sides="both", obs_agent_id=True, autoreset_mode="SameStep") as envs:
         assert (envs.sides, envs.opponents, envs.n_actors) == ("both", {"learner": 1.0}, 10 + 12)
         batch = envs.reset(seed=1)
         assert batch.enemy_obs.shape == (3, 12, envs.enemy_obs_size)
@@ -77,6 +77,44 @@ def test_rewards_of_both_sides_add_up_to_zero_if_asked() -> None:
     assert (second == -first).all()
 
 
+def test_a_second_side_that_no_learner_plays_is_an_error() -> None:
+    """The settings of a team hold its opponent: with `sides="both"` they made a second side that saw zeros
+    and whose actions did nothing, and the team won 48 of 48 against a script that never moved."""
+    team = sp.load_team("3m", seed=0)
+    settings = team.settings | {"sides": "both", "mirror": True}
+    for opponent in (settings["opponent"], "kite", {"kite": 1, "attack_move": 2}):
+        with pytest.raises(sp.InvalidRequest, match=r"sides `both` needs opponent `learner`.*omit") as error:
+            sp.make("3m", 8, **settings | {"opponent": opponent})
+    assert '**team.settings | {"opponent": "learner"}' in str(error.value)
+    with sp.make("3m", 8, **settings | {"opponent": "learner"}) as envs:
+        assert envs.reset(seed=1).enemy_obs.any()
+        result = sp.evaluate(envs, team, 16, seed=1, against="kite")
+        mirrored = sp.evaluate(envs, "kite", 16, seed=1, against=team)
+        assert len(result) == 16 and result.won.sum() > 4 and mirrored.lost.sum() > 4
+    sp.make("3m", 1, sides="both", opponent={"learner": 1, "kite": 1}).close()
+    serve = [*PROGRAM, "serve", "3m:1", "--name", "never", "--sides", "both", "--opponent", "kite"]
+    done = subprocess.run(serve, capture_output=True, text=True, check=False)
+    assert done.returncode != 0 and "sides `both` needs opponent `learner`" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("opponent", "message"),
+    [
+        (["kite"], r"opponent must be a name, such as \"kite\" or \"zoo:3m\", or a dict .*, got list"),
+        (
+            "focusfire",
+            r"unknown opponent `focusfire`; .* learner with sides `both` \(did you mean `focus_fire`\?\)",
+        ),
+        ("attack-move", r"\(did you mean `attack_move`\?\)"),
+        ({"kite": "much"}, "the weight of opponent `kite` must be a number, got str"),
+        ({3: 1.0}, "the keys of opponent must be names, got int"),
+    ],
+)
+def test_a_wrong_opponent_says_what_is_accepted(opponent: Any, message: str) -> None:
+    with pytest.raises((TypeError, sp.InvalidRequest), match=message):
+        sp.make("3m", 1, opponent=opponent)
+
+
 def test_what_is_wrong_is_an_error_that_names_it() -> None:
     wrong: list[tuple[Any, str]] = [
         ({"sides": "enemies"}, "sides must be `allies` or `both`, got `enemies`"),
@@ -99,9 +137,7 @@ def test_what_is_wrong_is_an_error_that_names_it() -> None:
             sp.ScriptedPolicy("hold", envs, side="foes")  # type: ignore[arg-type]
     with (
         sp.make("3m", num_envs=1) as envs,
-        pytest.raises(
-            sp.InvalidRequest, match="`enemy_state` and `enemy_avail_actions`, but this lane omits"
-        ),
+        pytest.raises(sp.InvalidRequest, match=r'side must be `allies` .*; make\(..., sides="both"\)'),
     ):
         sp.ScriptedPolicy("hold", envs, side="enemies")
 
@@ -158,7 +194,7 @@ import smaclite_pool as sp
 
 side, policy, episodes = sys.argv[1:]
 with sp.connect("arena", side=side, timeout=60) as envs:
-    policy = sp.ScriptedPolicy(policy, envs)
+    policy = sp.ScriptedPolicy(policy, envs, seed=0)
     batch = envs.reset(seed=5)
     assert batch.obs.shape == (8, 3, envs.obs_size) and envs.n_actors == 3 and envs.side == side
     assert not [name for name in batch.keys() if "enemy_" in name]
@@ -190,7 +226,8 @@ def test_two_processes_play_the_two_sides() -> None:
         finally:
             pool.terminate()
     with sp.make("3m", num_envs=8, sides="both", mirror=True) as envs:
-        players = [sp.ScriptedPolicy("focus_fire", envs), sp.ScriptedPolicy("random", envs, side="enemies")]
+        enemies = sp.ScriptedPolicy("random", envs, seed=0, side="enemies")
+        players = [sp.ScriptedPolicy("focus_fire", envs), enemies]
         batch = envs.reset(seed=5)
         alone = total = 0
         while total < 40:
@@ -282,9 +319,11 @@ def test_two_learners_that_disagree_both_hear_of_it() -> None:
             enemies.send(np.full((8, 3), 9))
             for envs in (allies, enemies):
                 with pytest.raises(
-                    sp.IllegalAction, match="environment 0, enemy 0: action 9 is not available"
-                ):
+                    sp.IllegalAction,
+                    match="environment 0, agent 0 of the learner of the enemies: action 9 is not available",
+                ) as caught:
                     envs.recv(timeout=30)
+                assert (caught.value.side, caught.value.agent) == ("enemies", 0)
             for envs in (allies, enemies):
                 envs.send(np.ones((8, 3), np.int32))
             batch = allies.recv(timeout=30)

@@ -110,7 +110,7 @@ def test_edited_columns_become_a_snapshot_again() -> None:
         steps(envs, 30)
         for column, value, error in [
             ("hp", -1, "column 'hp' must be between 0 and .* for unit 2, got -1"),
-            ("target", 99, "column 'target' must be below 10 for unit 2, got 99"),
+            ("target", 99, "column 'target' must be between -1 and 9 for unit 2, got 99"),
             ("last_action", 11, "column 'last_action' must be below 11 for agent 2"),
         ]:
             columns = sp.snapshot_columns(snapshot)
@@ -130,7 +130,7 @@ def test_edited_columns_become_a_snapshot_again() -> None:
 
 def test_wrong_arguments_name_what_is_accepted() -> None:
     envs: Any
-    with sp.make("3m", 2, fields=FIELDS) as envs, sp.make("3m", 2) as plain:
+    with sp.make("3m", 2, seed=0, fields=FIELDS) as envs, sp.make("3m", 2) as plain:
         snapshots = envs.reset(seed=1).snapshot
         plain.reset()
         cases: list[tuple[type[Exception], str, Any]] = [
@@ -240,3 +240,42 @@ def test_pettingzoo_saves_and_restores() -> None:
     for agent in actions:
         np.testing.assert_array_equal(again[agent]["observation"], ahead[agent]["observation"])
     env.close()
+
+
+def test_a_column_that_snapshots_do_not_have_is_an_error() -> None:
+    """`columns["health"] = ...` was accepted and changed nothing: the name is `hp`."""
+    with sp.make("3m", 1, fields=["snapshot"]) as envs:
+        columns = sp.snapshot_columns(envs.reset(seed=1).snapshot[0])
+        for name, hint in (("health", "hp"), ("cooldwn", "cooldown")):
+            with pytest.raises(sp.InvalidRequest, match=f"no column `{name}`; did you mean `{hint}`"):
+                sp.pack_snapshot(columns | {name: columns["hp"]}, envs)
+
+
+def test_columns_are_agents_first_where_the_file_begins_with_enemies() -> None:
+    """In corridor they were enemies first, and `columns["alive"][0] = False` killed an enemy."""
+    with sp.make("corridor", 1, fields=["snapshot", "alive", "dead_enemies"]) as envs:
+        columns = sp.snapshot_columns(envs.reset(seed=1).snapshot[0])
+        assert columns["hp"][:6].tolist() == [100.0] * 6 and columns["hp"][6:].tolist() == [35.0] * 24
+        columns["alive"][0] = False
+        batch = envs.restore(sp.pack_snapshot(columns, envs), [0])
+        assert batch.alive[0].tolist() == [False] + [True] * 5 and batch.dead_enemies[0] == 0
+
+
+def test_what_no_battle_has_is_refused_and_says_what_differs() -> None:
+    """A position of 3e38 let the next step take all memory; another `obs_last_actions` was "another size"."""
+    with sp.make("25m", 1, fields=["snapshot"]) as envs:
+        columns = sp.snapshot_columns(envs.reset(seed=1).snapshot[0])
+        columns["pos"][:, 0] = 3e38
+        with pytest.raises(sp.InvalidRequest, match="'pos' must be between -16 and 48 for unit 0"):
+            sp.pack_snapshot(columns, envs)
+    with (
+        sp.make("3m", 1, fields=["snapshot"]) as plain,
+        sp.make("3m", 1, fields=["snapshot"], obs_last_actions=2) as longer,
+        sp.make("3m", 1, fields=["snapshot"], rules="paper") as paper,
+    ):
+        snapshot = longer.reset(seed=1).snapshot.copy()
+        plain.reset(seed=1)
+        with pytest.raises(sp.InvalidRequest, match="`obs_last_actions` 2, and this one has 0"):
+            plain.restore(snapshot)
+        with pytest.raises(sp.InvalidRequest, match="of rules `paper`, and the battle has rules `smaclite`"):
+            plain.restore(paper.reset(seed=1).snapshot.copy())

@@ -116,6 +116,13 @@ def test_the_constructor_or_seed_sets_the_seed_of_the_first_reset() -> None:
     again.unwrapped.seed(3)
     assert [episode(again, rng(0))[0] for _ in range(3)] == first
     again.close()
+    drawn = []
+    for _ in range(2):  # without a seed NumPy's global generator decides
+        np.random.seed(17)
+        unseeded: Any = gymnasium.make("smaclite/2s3z-v0")
+        drawn.append(unseeded.unwrapped.np_random_seed)
+        unseeded.close()
+    assert drawn[0] == drawn[1]
 
 
 def test_a_scenario_file() -> None:

@@ -80,7 +80,7 @@ def test_an_environment_that_plays_the_actions_gives_the_arrays(truncated: Path)
     assert dataset.scenario is None
     assert dataset.settings == {"rules": "smaclite", "episode_limit": 30, "opponent": {"attack_move": 1.0}}
     ends = set()
-    with sp.make(truncated.with_name("short.json"), 1, autoreset="disabled", **dataset.settings) as envs:
+    with sp.make(truncated.with_name("short.json"), 1, autoreset_mode="Disabled", **dataset.settings) as envs:
         for i, (seed, start, length) in enumerate(
             zip(episodes["seed"], episodes["start"], episodes["length"], strict=True)
         ):

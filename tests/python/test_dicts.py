@@ -51,10 +51,10 @@ def test_a_scenario_has_its_type(name: str) -> None:
 
 
 @pytest.mark.parametrize(("limit", "sides"), [(7, "allies"), (None, "both")])
-@pytest.mark.parametrize("autoreset", ["next_step", "same_step", "disabled"])
+@pytest.mark.parametrize("autoreset", ["NextStep", "SameStep", "Disabled"])
 def test_a_description_and_a_status_have_their_types(autoreset: Any, limit: int | None, sides: Any) -> None:
     options: dict[str, Any] = {"episode_limit": limit, "sides": sides, "rules": "paper"}
-    with sp.make("2s3z", 2, name="train", autoreset=autoreset, **options) as envs:
+    with sp.make("2s3z", 2, name="train", autoreset_mode=autoreset, **options) as envs:
         check(envs.description, LaneDescription, "description")
         envs.reset()
         status = sp.status("train")

@@ -127,6 +127,12 @@ def test_a_scenario_is_edited_played_and_saved(browser: Any, file: Path) -> None
         # Terrain: a wall by brush, and a rectangle; the preset becomes a drawn map.
         editor.press("b")
         editor.drag((12.5, 12.5), (12.5, 18.5))
+        # The status line said "walkable" until the mouse moved.
+        assert editor.page.inner_text("#pointer") == "square 12, 18 · blocked"
+        editor.press("Control+z")
+        assert editor.page.inner_text("#pointer") == "square 12, 18 · walkable"
+        editor.press("Control+y")
+        assert editor.page.inner_text("#pointer") == "square 12, 18 · blocked"
         editor.press("r")
         editor.drag((18.5, 9.5), (20.5, 10.5))
         assert '"terrain_preset"' not in editor.text()

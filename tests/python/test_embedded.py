@@ -36,7 +36,7 @@ def test_properties_and_description_agree() -> None:
         for name in sizes:
             assert getattr(envs, name) == described[name], name
         assert (envs.scenario, envs.lane, envs.name, envs.seed) == ("MMM2", "MMM2", "mine", 9)
-        assert (envs.rules, envs.autoreset, envs.episode_limit) == ("smaclite", "next_step", 180)
+        assert (envs.rules, envs.autoreset_mode, envs.episode_limit) == ("smaclite", "NextStep", 180)
         assert "mine" in sp.pools() and sp.status("mine")["lanes"][0]["learner_pid"] == envs.pid
         assert "MMM2" in repr(envs) and "mine" in repr(envs)
     assert sp.pools() == []
@@ -45,7 +45,7 @@ def test_properties_and_description_agree() -> None:
 def test_own_actions_and_numbers_follow_the_features() -> None:
     """Compared with one-hot vectors of the actions that were sent; zeros for dead agents."""
     last_actions, num_envs = 3, 4
-    settings: dict[str, Any] = {"num_envs": num_envs, "seed": 3, "autoreset": "same_step"}
+    settings: dict[str, Any] = {"num_envs": num_envs, "seed": 3, "autoreset_mode": "SameStep"}
     own = sp.make("2s3z", obs_last_actions=last_actions, obs_agent_id=True, **settings)
     with own as envs, sp.make("2s3z", **settings) as plain:
         n_agents, n_actions, features = envs.n_agents, envs.n_actions, plain.obs_size
@@ -152,7 +152,7 @@ def test_next_step_autoreset_returns_the_first_observation_a_step_later() -> Non
 
 def test_same_step_autoreset_keeps_the_last_observation() -> None:
     settings: dict[str, Any] = {"num_envs": 2, "episode_limit": 3}
-    with sp.make("2s3z", **settings) as later, sp.make("2s3z", autoreset="same_step", **settings) as same:
+    with sp.make("2s3z", **settings) as later, sp.make("2s3z", autoreset_mode="SameStep", **settings) as same:
         a, b = later.reset(seed=1), same.reset(seed=1)
         for _ in range(3):
             a, b = later.step(stop(a)), same.step(stop(b))
@@ -160,12 +160,12 @@ def test_same_step_autoreset_keeps_the_last_observation() -> None:
         assert np.array_equal(a.obs, b.final_obs) and np.array_equal(a.state, b.final_state)
         assert np.array_equal(a.avail_actions, b.final_avail_actions)
         assert np.array_equal(later.step(stop(a)).obs, b.obs)
-        with pytest.raises(AttributeError, match='autoreset="same_step"'):
+        with pytest.raises(AttributeError, match='autoreset_mode="SameStep"'):
             _ = a.final_obs
 
 
 def test_disabled_autoreset_requires_a_masked_reset() -> None:
-    with sp.make("2s3z", num_envs=3, episode_limit=2, autoreset="disabled") as envs:
+    with sp.make("2s3z", num_envs=3, episode_limit=2, autoreset_mode="Disabled") as envs:
         batch = envs.reset(seed=1)
         batch = envs.step(stop(batch))
         batch = envs.step(stop(batch))
@@ -262,7 +262,7 @@ held = Held()  # a global: freed when modules are gone
 
 @pytest.mark.parametrize("batch_size", [6, 4])
 def test_the_status_counts_what_the_learner_received(batch_size: int) -> None:
-    with sp.make("3m", 6, batch_size=batch_size, autoreset="same_step", threads=2) as envs:
+    with sp.make("3m", 6, batch_size=batch_size, autoreset_mode="SameStep", threads=2) as envs:
         returns: list[float] = []
         batch, steps, wins = envs.reset(seed=3), 0, 0
         while len(returns) < 40:

@@ -55,7 +55,7 @@ def test_asynchronous_stepping_serves_all_environments() -> None:
 
 
 def test_a_reset_of_some_returns_those_in_their_order() -> None:
-    with envpool.make("2s3z", num_envs=4, autoreset="disabled") as envs:
+    with envpool.make("2s3z", num_envs=4, autoreset_mode="Disabled") as envs:
         obs, _ = envs.reset(seed=1)
         for _ in range(5):
             obs, *_ = envs.step(first_available(obs))

@@ -227,12 +227,12 @@ def test_the_state_without_last_actions() -> None:
 
 @pytest.mark.usefixtures("test_double")
 def test_an_attached_pool_plays_the_same(serve: Serve) -> None:
-    serve("3s_vs_5z:3", "--batch-size", "1", "--autoreset", "disabled", "--name", "train")
+    serve("3s_vs_5z:3", "--batch-size", "1", "--autoreset-mode", "Disabled", "--name", "train")
     serve("3s_vs_5z:3", "--name", "other")
     embedded, _, _ = begun(3)
     attached, _, _ = begun(3, map_name=None, pool="train")
     assert torch.equal(embedded.run()["state"], attached.run()["state"])
-    with pytest.raises(sp.InvalidRequest, match="--batch-size 1 --autoreset disabled"):
+    with pytest.raises(sp.InvalidRequest, match="--batch-size 1 --autoreset-mode Disabled"):
         PoolRunner(args_of(3, pool="other"), Log())
     embedded.close_env()
     attached.close_env()

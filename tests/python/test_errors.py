@@ -126,7 +126,7 @@ def read_only() -> NDArray[np.int32]:
         (
             lambda e: e.reset(mask=[True]),
             sp.InvalidRequest,
-            r"mask must be a bool array of shape \(2,\), got shape \(1,\)",
+            r"mask must be a bool array of shape \(2,\), got \(1,\)",
         ),
         (lambda e: e.reset(mask=[1, 0]), TypeError, "mask must be a bool array, got int64"),
         (
@@ -184,7 +184,7 @@ def test_a_wrong_request_says_what_is_accepted(
         ({"num_envs": 64.0}, TypeError, "num_envs must be an integer, got float"),
         ({"batch_size": 9}, sp.InvalidRequest, "batch size must be between 1 and 2 .*, got 9"),
         ({"threads": 0}, sp.InvalidRequest, "threads must be between 1 and 1024, got 0"),
-        ({"autoreset": "never"}, sp.InvalidRequest, "got `never`"),
+        ({"autoreset_mode": "never"}, sp.InvalidRequest, "got `never`"),
         ({"rules": "mine"}, sp.InvalidRequest, "mine"),
         ({"wait": "sleep"}, sp.InvalidRequest, "got `sleep`"),
         ({"fields": ["obz"]}, sp.InvalidRequest, "unknown field `obz`; the fields are env_id"),
@@ -217,9 +217,9 @@ def test_a_name_that_a_batch_does_not_have_lists_the_fields(envs: sp.Envs) -> No
     """Other packages say observation, rewards, done or action_mask."""
     batch: Any = envs.step([[1] * 5] * 2)
     for wrong in ("observation", "rewards", "done", "action_mask"):
-        with pytest.raises(AttributeError, match=f"no `{wrong}`; its fields are env_id, obs, .*, was_reset"):
+        with pytest.raises(AttributeError, match=f"no `{wrong}`; .*fields are env_id, obs, .*, was_reset"):
             getattr(batch, wrong)
-    with pytest.raises(AttributeError, match='exists only with autoreset="same_step"'):
+    with pytest.raises(AttributeError, match='exists only with autoreset_mode="SameStep"'):
         batch.final_obs  # noqa: B018
     assert not hasattr(batch, "__array__") and len(np.asarray(batch.obs)) == 2
     with sp.make("3m", 1, fields=["obs"]) as few:
@@ -309,7 +309,7 @@ def test_a_batch_is_no_tuple(envs: sp.Envs, tmp_path: Path) -> None:
         _observations, _infos = batch
     np.testing.assert_array_equal(batch["obs"], batch.obs)
     assert set(dict(batch)) == set(batch.keys()) and "obs" in batch and "rewards" not in batch
-    with pytest.raises(KeyError, match="a batch has no field 'rewards'; its fields are env_id, obs"):
+    with pytest.raises(KeyError, match="no field 'rewards'; use `reward`; its fields are env_id, obs"):
         batch["rewards"]
     with pytest.raises(sp.InvalidRequest, match="record must be in a folder that exists; there is no"):
         sp.make("3m", 1, record=tmp_path / "none" / "x.smreplay")
@@ -333,8 +333,8 @@ def test_what_is_probably_a_mistake_in_a_scenario_is_a_warning(tmp_path: Path) -
 def test_a_typo_in_a_keyword_of_make_gets_a_suggestion() -> None:
     with pytest.raises(TypeError, match=r"unexpected keyword argument 'n_envs'; did you mean `num_envs`\?"):
         sp.make("3m", n_envs=2)  # type: ignore[call-overload]
-    with pytest.raises(TypeError, match="'num_workers'; expected one of scenario, num_envs, .*threads"):
-        sp.make("3m", num_workers=2)  # type: ignore[call-overload]
+    with pytest.raises(TypeError, match="'colour'; expected one of scenario, num_envs, .*threads"):
+        sp.make("3m", colour=2)  # type: ignore[call-overload]
     accepted = inspect.signature(sp.make).parameters
     for name in accepted:
         typo = name + "x"
@@ -346,3 +346,25 @@ def test_a_free_threaded_python_is_refused() -> None:
     code = "import sys; sys.abiflags = 't'; import smaclite_pool"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert "ImportError: smaclite_pool needs a Python with the global interpreter lock" in done.stderr
+
+
+def test_files_of_other_kinds_say_what_they_are(tmp_path: Path) -> None:
+    """`make("k.smdata")` said "it is not UTF-8 text"."""
+    for suffix, expected in (
+        ("smdata", "it is a dataset, not a scenario; open it by `smaclite_pool.Dataset`"),
+        ("smreplay", "it is a replay, not a scenario; play it by `smaclite-pool replay`"),
+        ("snapshot", "it is a snapshot, not a scenario"),
+        ("json", "it is not UTF-8 text"),
+    ):
+        file = tmp_path / f"k.{suffix}"
+        file.write_bytes(b"\xff\xfe\x00")
+        with pytest.raises(sp.ScenarioError, match=expected):
+            sp.make(file, 1)
+
+
+def test_a_changed_key_is_named_without_a_place_in_a_file_that_the_user_has_not_got() -> None:
+    """The error pointed to "scenarios/data/3s5z.json with changed keys:15:38"."""
+    with pytest.raises(sp.ScenarioError) as raised:
+        sp.make("3s5z", 1, smacv2={"prob_obs_enemy": 2})
+    assert "3s5z with changed keys: `smacv2.prob_obs_enemy` is 2" in str(raised.value)
+    assert "scenarios/data" not in str(raised.value)

@@ -35,7 +35,7 @@ def assert_same(one: list[Any], other: list[Any]) -> None:
 def test_a_seed_gives_the_same_teams_and_battles_on_any_number_of_threads(scenario: str) -> None:
     found = []
     for threads in (1, 2):
-        with sp.make(scenario, 6, threads=threads, fields=FIELDS, smacv2=HIDDEN) as envs:
+        with sp.make(scenario, 6, seed=0, threads=threads, fields=FIELDS, smacv2=HIDDEN) as envs:
             found.append(course(envs, 60))
     assert_same(*found)
     types = np.array([levels[..., 0] for *_, levels in found[0]])
@@ -124,9 +124,34 @@ def test_the_interface_is_that_of_agents() -> None:
 
 def test_a_replay_plays_generated_battles_again(tmp_path: Path) -> None:
     path = tmp_path / "drawn.smreplay"
-    with sp.make("terran_5_vs_5", 2, record=path, smacv2=HIDDEN) as envs:
+    with sp.make("terran_5_vs_5", 2, seed=0, record=path, smacv2=HIDDEN) as envs:
         envs.reset(seed=1)
         for _ in range(120):
             envs.step(envs.sample_actions())
     episodes = [line for line in replayed(path).splitlines() if line.startswith("episode ")]
     assert len(episodes) > 2
+
+
+OPTIONS: list[dict[str, Any]] = [
+    {},
+    {"obs_last_actions": 2, "obs_agent_id": True},
+    {"smacv2": {"health": {"lower_bound": 0.1, "upper_bound": 0.4}, "obs_own_pos": True}},
+    {"smacv2": {"fully_observable": True, "obs_timestep_number": True, "state_timestep_number": True}},
+]
+
+
+@pytest.mark.parametrize("options", OPTIONS)
+def test_observations_are_in_the_declared_spaces(options: dict[str, Any]) -> None:
+    """The own x and y of agents that are pushed off the map were up to 1.047, and declared up to 1."""
+    from smaclite_pool.integrations._spaces import batched_observation_space
+
+    for name in sp.scenarios(generated=True if "smacv2" in options else None):
+        with sp.make(name, 4, seed=5, **options) as envs:
+            space: Any = batched_observation_space(envs)
+            low, high = space["obs"].low, space["obs"].high
+            batch = envs.reset(seed=5)
+            for _ in range(60):
+                assert np.all(batch.obs >= low) and np.all(batch.obs <= high), name
+                assert np.all(batch.state >= space["state"].low), name
+                assert np.all(batch.state <= space["state"].high), name
+                batch = envs.step(envs.sample_actions())

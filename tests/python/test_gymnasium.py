@@ -234,7 +234,7 @@ def test_record_episode_statistics_agrees(mode: AutoresetMode) -> None:
 
 
 def test_a_masked_reset_leaves_the_others_alone() -> None:
-    with closing(make_vector("2s3z", 3, autoreset_mode="disabled")) as envs:
+    with closing(make_vector("2s3z", 3, autoreset_mode="Disabled")) as envs:
         envs.reset(seed=1)
         for _ in range(5):
             before, *_ = envs.step(envs.action_space.sample())
@@ -325,7 +325,7 @@ def test_a_single_battle_has_all_fields() -> None:
 
 
 def test_seeds() -> None:
-    """Without a seed NumPy's global generator decides; the first reset uses the constructor's."""
+    """Without a seed the environment has the one that it drew; the first reset uses the constructor's."""
 
     def play(env: gymnasium.Env[Any, Any], **kwargs: Any) -> float:
         env.reset(**kwargs)
@@ -340,11 +340,8 @@ def test_seeds() -> None:
         return total
 
     assert play(BattleEnv("2s3z", seed=4)) == play(BattleEnv("2s3z", seed=5), seed=4)
-    drawn = []
-    for _ in range(2):
-        np.random.seed(17)
-        drawn.append(play(BattleEnv("2s3z")))
-    assert drawn[0] == drawn[1]
+    unseeded = BattleEnv("2s3z")
+    assert play(BattleEnv("2s3z", seed=unseeded.np_random_seed)) == play(unseeded)
     assert BattleEnv("2s3z", seed=4).np_random_seed == 4
 
 
@@ -450,3 +447,93 @@ def test_one_side_is_all_that_gymnasium_can_play() -> None:
     ):
         with pytest.raises(sp.InvalidRequest, match="sides must be 'allies' here, got 'both'"):
             make()
+
+
+def test_save_and_restore_through_what_gymnasium_makes() -> None:
+    """The page said `env.save()`, which wrappers do not hand on, and they did not see a `restore`."""
+    env: Any = gymnasium.make("smaclite_pool/3m-v0", max_episode_steps=5, episode_limit=30)
+    with pytest.raises(AttributeError):
+        env.save()
+    env.reset(seed=1)
+    env.step([1, 1, 1])
+    snapshot, begin = env.unwrapped.save(), env.unwrapped._battle.last.obs.copy()
+    for _ in range(4):
+        *_, truncated, _ = env.step(env.action_space.sample())
+    assert truncated, "by the wrapper"
+    observation, info = env.reset(options={"snapshot": snapshot})
+    assert np.array_equal(observation["obs"], begin) and info["episode_length"] == 1
+    for step in range(1, 6):
+        *_, truncated, info = env.step(env.action_space.sample())
+        assert truncated == (step == 5), "the wrapper counts from the reset"
+    assert info["episode_length"] == 6, "the battle from its begin, and so does episode_limit"
+    env.close()
+
+    other: Any = gymnasium.make("smaclite_pool/3m-v0")
+    other.unwrapped.restore(snapshot)
+    with pytest.raises(gymnasium.error.ResetNeeded):
+        other.step([1, 1, 1])
+    observation, _ = other.reset(options={"snapshot": snapshot})
+    assert np.array_equal(observation["obs"], begin)
+    other.close()
+
+
+def test_a_vector_continues_from_snapshots_at_a_reset() -> None:
+    fields = ["obs", "state", "avail_actions", "episode_length", "snapshot"]
+    envs: Any = gymnasium.make_vec("smaclite_pool/3m-v0", num_envs=3, fields=fields)
+    wrapped = RecordEpisodeStatistics(envs)
+    wrapped.reset(seed=1)
+    envs.step(np.ones((3, 3), np.int64))
+    snapshots, state = envs.unwrapped.save(), envs.unwrapped._last.state.copy()
+    wrapped.step(np.ones((3, 3), np.int64))
+    observations, infos = wrapped.reset(options={"snapshot": snapshots})
+    assert np.array_equal(observations["state"], state) and infos["episode_length"].tolist() == [1, 1, 1]
+    with pytest.raises(sp.InvalidRequest, match="exclude each other"):
+        envs.reset(options={"snapshot": snapshots, "reset_mask": [True] * 3})
+    with pytest.raises(sp.InvalidRequest, match="one integer or None, got a list"):
+        envs.reset(options={"snapshot": snapshots}, seed=[1, 2, 3])
+    wrapped.close()
+
+
+def test_seeds_are_a_list_as_for_gymnasiums_vectors() -> None:
+    """`reset(seed=[1, 2, 3, 4])` was refused with "Seed must be a python integer"."""
+    seeds = [4, 9, None, 4]
+    name = "smaclite_pool/terran_5_vs_5-v0"
+    theirs = gymnasium.make_vec(name, num_envs=4, vectorization_mode="sync")
+    ours = gymnasium.make_vec(name, num_envs=4)
+    expected, _ = theirs.reset(seed=seeds)  # type: ignore[arg-type]
+    got, _ = ours.reset(seed=seeds)  # type: ignore[arg-type]
+    for i in (0, 1, 3):
+        assert np.array_equal(got["obs"][i], expected["obs"][i])
+    options = {"reset_mask": [False, False, True, True]}
+    again, infos = ours.reset(seed=[8, 8, 8, 9], options=options)  # type: ignore[arg-type]
+    assert np.array_equal(again["obs"][3], expected["obs"][1]) and not np.array_equal(
+        again["obs"][2], got["obs"][2]
+    )
+    assert np.array_equal(again["obs"][0], got["obs"][0])
+    assert infos["_battle_won"].tolist() == [False, False, True, True], "was the list that the caller passed"
+    theirs.close()
+    ours.close()
+
+
+def test_an_environment_is_copied_by_its_arguments_before_its_first_reset() -> None:
+    env = BattleEnv("3m", seed=3, episode_limit=7)
+    copies = [copy.deepcopy(env), pickle.loads(pickle.dumps(env))]
+    first, _ = env.reset()
+    for made in copies:
+        assert made is not env and np.array_equal(made.reset()[0]["obs"], first["obs"])
+        assert made._battle.envs.episode_limit == 7
+    for broken in (copy.deepcopy, pickle.dumps):
+        with pytest.raises(TypeError, match=r"after its first reset: `save` and `restore` .* `Envs.fork`"):
+            broken(env)
+    for made in [env, *copies]:
+        made.close()
+    unseeded = BattleEnv("terran_5_vs_5")
+    another = copy.deepcopy(unseeded)
+    assert not np.array_equal(unseeded.reset()[0]["state"], another.reset()[0]["state"])
+    unseeded.close()
+    another.close()
+    wrapped: Any = gymnasium.make("smaclite_pool/3m-v0", seed=1)
+    again = copy.deepcopy(wrapped)
+    assert again.reset()[0]["obs"].shape == (3, 30)
+    wrapped.close()
+    again.close()

@@ -17,7 +17,7 @@ from smaclite_pool.integrations.jax import array, arrays
 
 
 def test_every_field_is_read_in_place_and_without_a_warning() -> None:
-    with sp.make("2s3z", 8, autoreset="same_step") as envs, warnings.catch_warnings():
+    with sp.make("2s3z", 8, autoreset_mode="SameStep") as envs, warnings.catch_warnings():
         warnings.simplefilter("error")
         batch = envs.reset(seed=1)
         seen = arrays(batch)

@@ -20,7 +20,7 @@ SCENARIOS = ["2s3z", "MMM2", "bane_vs_bane", "3s_vs_5z"]
 
 def played(scenario: str) -> list[dict[str, Any]]:
     """Copies of the batches of one battle with random available actions, and the actions that led to each."""
-    with sp.make(scenario, 1, seed=3, autoreset="disabled") as envs:
+    with sp.make(scenario, 1, seed=3, autoreset_mode="Disabled") as envs:
         envs.seed_sampler(1)
         batches: list[dict[str, Any]] = [{**envs.reset().copy(), "actions": None}]
         while not (batches[-1]["terminated"][0] or batches[-1]["truncated"][0]):
@@ -101,7 +101,7 @@ def test_the_features_of_observations_are_those_that_the_engine_writes(scenario:
 
 def test_action_numbers_and_the_targeting_range() -> None:
     """Moves change the position as their names say, and targets are available up to the targeting range."""
-    with sp.make("3s_vs_5z", 1, autoreset="disabled") as envs:
+    with sp.make("3s_vs_5z", 1, autoreset_mode="Disabled") as envs:
         layout = ScenarioLayout("3s_vs_5z")
         steps = {_native.NORTH: (0, 1), _native.SOUTH: (0, -1), _native.EAST: (1, 0), _native.WEST: (-1, 0)}
         for action, direction in steps.items():
@@ -133,7 +133,7 @@ def test_the_rewards(tmp_path: Path) -> None:
     layout = ScenarioLayout(file)
     [enemy] = layout.enemies
     scale = _native.REWARD_SCALE / (enemy["hp"] + _native.KILL_REWARD + _native.WIN_REWARD)
-    with sp.make(file, 1, autoreset="disabled", seed=1) as envs:
+    with sp.make(file, 1, autoreset_mode="Disabled", seed=1) as envs:
         batch, units = envs.reset(), UnitsView(layout)
         units.update(batch.state[0])
         while not (batch.terminated[0] or batch.truncated[0]):

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import ast
+import importlib.util
+import inspect
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +33,7 @@ def test_was_reset_marks_the_steps_whose_actions_are_ignored() -> None:
             assert not batch.reward[batch.was_reset].any()
             resets += int(batch.was_reset.sum())
         assert resets >= 4 * 6
-    with sp.make("3m", 2, episode_limit=3, autoreset="same_step") as envs:
+    with sp.make("3m", 2, episode_limit=3, autoreset_mode="SameStep") as envs:
         assert envs.reset().was_reset.all()
         assert not any(envs.step(envs.sample_actions()).was_reset.any() for _ in range(10))
     with sp.make("3m", 1, fields=["obs"]) as envs:
@@ -68,7 +72,7 @@ def first_episodes(policy: str, counts: list[int], seed: int) -> list[tuple[floa
     """Returns, lengths and victories, played one environment after the other."""
     episodes = []
     for env, count in enumerate(counts):
-        with sp.make("MMM", 1, autoreset="disabled") as envs:
+        with sp.make("MMM", 1, autoreset_mode="Disabled") as envs:
             chosen = sp.ScriptedPolicy(policy, envs)  # type: ignore[arg-type]
             for number in range(count):
                 batch = envs.reset(seed=seed + env) if number == 0 else envs.reset()
@@ -83,7 +87,7 @@ def test_an_evaluation_counts_the_first_episodes_of_every_environment() -> None:
     """The same episodes, however the environments are stepped: none is preferred for being short."""
     expected = first_episodes("nearest", [3, 3, 2, 2], seed=7)
     assert len({length for _, length, _ in expected}) > 1
-    modes: list[dict[str, Any]] = [{}, {"autoreset": "same_step"}, {"batch_size": 1}, {"batch_size": 3}]
+    modes: list[dict[str, Any]] = [{}, {"autoreset_mode": "SameStep"}, {"batch_size": 1}, {"batch_size": 3}]
     for mode in modes:
         with sp.make("MMM", 4, **mode) as envs:
             result = sp.evaluate(envs, sp.ScriptedPolicy("nearest", envs), 10, seed=7)
@@ -96,11 +100,11 @@ def test_an_evaluation_counts_the_first_episodes_of_every_environment() -> None:
 
 
 def test_errors_of_an_evaluation() -> None:
-    with sp.make("3m", 2, autoreset="disabled") as envs:
+    with sp.make("3m", 2, autoreset_mode="Disabled") as envs:
         policy = sp.ScriptedPolicy("nearest", envs)
         with pytest.raises(sp.InvalidRequest, match="episodes must be at least 1, got 0"):
             sp.evaluate(envs, policy, 0)
-        with pytest.raises(sp.InvalidRequest, match='needs autoreset="next_step" or "same_step"'):
+        with pytest.raises(sp.InvalidRequest, match='needs autoreset_mode="NextStep" or "SameStep"'):
             sp.evaluate(envs, policy, 1)
     with sp.make("3m", 2) as envs, pytest.raises(sp.IllegalAction, match="agent 0: action 0"):
         sp.evaluate(envs, lambda batch: np.full((len(batch), 3), NO_OP), 1)
@@ -111,7 +115,7 @@ class Doubled(sp.Wrapper):
 
     batches = 0
 
-    def change_batch(self, batch: sp.Batch | sp.ChangedBatch) -> sp.ChangedBatch:
+    def change_batch(self, batch: sp.Batch) -> sp.Batch:
         self.batches += 1
         return batch.replace(reward=2 * batch.reward)
 
@@ -169,16 +173,222 @@ def test_wrappers_change_batches_and_actions_and_nothing_else() -> None:
 def test_a_changed_batch_has_the_new_fields_and_all_others() -> None:
     with sp.make("3m", 2) as envs:
         batch = envs.reset(seed=1)
-        changed = batch.replace(reward=np.ones(2), bonus=np.zeros(2)).replace(bonus=np.ones(2))
+        changed: Any = batch.replace(reward=np.ones(2), bonus=np.zeros(2)).replace(bonus=[1, 1])
         assert changed.keys() == [*batch.keys(), "bonus"]
         assert changed.reward.tolist() == changed.bonus.tolist() == [1, 1]
         assert changed.obs is batch.obs and len(changed) == 2 and changed.sequence == batch.sequence
-        assert "other bonus of <smaclite_pool.ChangedBatch with other reward, bonus" in repr(changed)
+        assert "number 1 of its lane with other reward, bonus: env_id, obs" in repr(changed)
         with pytest.raises(AttributeError, match="final_obs"):
             changed.final_obs  # noqa: B018
         rollout = sp.Rollout(envs, 1)
         rollout[0] = changed
         assert rollout.reward[0].tolist() == [1, 1]
+        wrong: list[tuple[dict[str, Any], type[Exception], str]] = [
+            (
+                {"reward": np.ones(3)},
+                sp.InvalidRequest,
+                r"reward must have one row per slot .* 2, got shape \(3,\)",
+            ),
+            ({"reward": 1.0}, sp.InvalidRequest, r"reward must have one row .* got shape \(\)"),
+            ({"keys": np.ones(2)}, sp.InvalidRequest, "`keys` is an attribute of every batch"),
+            ({"note": {"a": 1}}, TypeError, "note must be an array of numbers, got dict"),
+        ]
+        for fields, error, match in wrong:
+            with pytest.raises(error, match=match):
+                batch.replace(**fields)
+
+
+def public(value: Any) -> list[str]:
+    return [name for name in dir(value) if not name.startswith("_")]
+
+
+def test_a_changed_batch_is_used_as_any_other() -> None:
+    """`torch()` of a changed batch returned the rewards before the change: silently wrong training.
+
+    Every public name and every way to read is compared, by reflection: on a batch whose fields were replaced
+    by equal ones, and on one with another reward.
+    """
+    with sp.make("3m", 2, fields=["obs", "state", "avail_actions", "episode_length"]) as envs:
+        envs.reset(seed=1)
+        batch = envs.step(envs.sample_actions())
+        equal = batch.replace(**{name: array.copy() for name, array in batch.items()})
+        other = batch.replace(reward=np.full(2, 7, np.float32))
+        assert public(equal) == public(other) == public(batch) and type(other) is sp.Batch
+        reads: dict[str, Callable[[Any], Any]] = {
+            "dict": dict,
+            "copy": lambda b: b.copy(),
+            "items": lambda b: dict(b.items()),
+            "values": lambda b: dict(zip(b.keys(), b.values(), strict=True)),
+            "[]": lambda b: {name: b[name] for name in b.keys()},
+            "get": lambda b: {name: b.get(name) for name in b.keys()},
+            "attributes": lambda b: {name: getattr(b, name) for name in b.keys()},
+            "**": lambda b: dict(**b),
+        }
+        if importlib.util.find_spec("torch"):
+            reads["torch"] = lambda b: {name: tensor.numpy() for name, tensor in b.torch().items()}
+        for way, read in reads.items():
+            for changed, reward in ((equal, batch.reward), (other, [7, 7])):
+                fields = read(changed)
+                assert list(fields) == batch.keys(), way
+                np.testing.assert_array_equal(fields["reward"], reward, err_msg=way)
+                for name in set(fields) - {"reward"}:
+                    np.testing.assert_array_equal(fields[name], batch[name], err_msg=way)
+        policy = sp.ScriptedPolicy("focus_fire", envs)
+        for changed in (equal, other):
+            assert len(changed) == len(batch) and changed.sequence == batch.sequence
+            assert "reward" in changed and "rewards" not in changed and 3 not in changed
+            assert changed.get("rewards") is None and changed.get("rewards", 3) == 3
+            with pytest.raises(TypeError, match="a batch is no tuple"):
+                iter(changed)
+            assert np.array_equal(policy(changed), policy(batch))
+            assert np.array_equal(envs.render(changed, 0), envs.render(batch, 0))
+            assert str(sp.AgentViews(envs)(changed, 0, 0)) == str(sp.AgentViews(envs)(batch, 0, 0))
+        # What is replaced is what is read.
+        stops = batch.replace(avail_actions=np.eye(9, dtype=bool)[[[STOP] * 3] * 2])
+        assert (policy(stops) == STOP).all()
+        dark = batch.replace(state=np.zeros_like(batch.state))
+        assert (envs.render(dark, 0) != envs.render(batch, 0)).any()
+
+
+def signature(function: Any) -> list[tuple[str, Any, Any]]:
+    parameters = inspect.signature(function).parameters.values()
+    return [(p.name, p.kind, p.default) for p in parameters if p.name != "self"]
+
+
+def test_wrappers_have_the_signatures_of_what_they_wrap() -> None:
+    """`reset(levels=)` was missing in `Wrapper`, so curricula could not be wrapped."""
+    with sp.make("3m", 2) as envs:
+        wrapper = sp.Wrapper(envs)
+        for name in public(sp.Envs):
+            inner, outer = getattr(envs, name), getattr(wrapper, name)
+            if callable(inner):
+                assert signature(outer) == signature(inner), name
+            else:
+                assert outer == inner, name
+        assert set(public(wrapper)) - set(public(envs)) == {
+            "change_actions",
+            "change_batch",
+            "envs",
+            "unwrapped",
+        }
+        assert {name for name in public(sp.Wrapper) if name in public(sp.Envs)} >= {
+            name for name in public(sp.Envs) if "Batch" in str(stub_returns().get(name))
+        }
+
+
+def methods(file: str, name: str) -> dict[str, ast.FunctionDef]:
+    """The methods of a class, as they are written in a file of the package."""
+    module = ast.parse((Path(sp.__file__).parent / file).read_text())
+    [found] = [node for node in module.body if isinstance(node, ast.ClassDef) and node.name == name]
+    return {node.name: node for node in found.body if isinstance(node, ast.FunctionDef)}
+
+
+def stub_returns() -> dict[str, str]:
+    """What the methods of `Envs` return, by the stub."""
+    stubs = methods("_native.pyi", "Envs").items()
+    return {name: ast.unparse(stub.returns) for name, stub in stubs if stub.returns}
+
+
+def test_wrappers_have_the_types_of_what_they_wrap() -> None:
+    """`Wrapper.reset` was typed `seed: int | None`: a list of seeds worked, and a type checker refused it."""
+    stubs, wrappers = methods("_native.pyi", "Envs"), methods("_wrapper.py", "Wrapper")
+    shared = [name for name in stubs if name in wrappers and not name.startswith("_")]
+    assert "reset" in shared
+    for name in shared:
+        assert ast.unparse(wrappers[name].args) == ast.unparse(stubs[name].args), name
+        assert ast.dump(wrappers[name].returns or ast.Pass()) == ast.dump(
+            stubs[name].returns or ast.Pass()
+        ), name
+
+
+def test_a_list_of_seeds_goes_through_a_wrapper() -> None:
+    with sp.make("3m", 2) as envs, sp.make("3m", 2) as others:
+        wrapper = sp.Wrapper(sp.Wrapper(envs))
+        for seed in ([7, 7], [7, None], np.array([3, 9]), 5):
+            wrapped, plain = wrapper.reset(seed=seed), others.reset(seed=seed)
+            assert np.array_equal(wrapped.obs, plain.obs)
+            actions = others.sample_actions()
+            for _ in range(3):  # the execution orders are drawn
+                assert np.array_equal(wrapper.step(actions).obs, others.step(actions).obs)
+                actions = others.sample_actions()
+
+
+def test_levels_and_selections_reach_the_environments_through_a_wrapper() -> None:
+    fields = ["obs", "level", "avail_actions"]
+    with sp.make("3m", 2, fields=fields) as envs:
+        wrapper = sp.Wrapper(envs)
+        levels = envs.reset(seed=1).level.copy()
+        levels[:, 0, 3] = 0.5
+        assert np.array_equal(wrapper.reset(levels=levels).level, levels)
+        envs.async_reset(env_id=[1], levels=levels[1:] * [1, 1, 1, 0.5, 1])
+        assert envs.recv().level[:, 0, 3].tolist() == [0.5, 0.25]
+        envs.async_reset(mask=[True, False], seed=3)
+        assert envs.recv().was_reset.tolist() == [True, True]
+        policy = sp.ScriptedPolicy("nearest", sp.make("3m", 2))
+        with pytest.raises(TypeError, match="expected Envs or a Wrapper of them, got int"):
+            sp.ScriptedPolicy("nearest", 3)  # type: ignore[arg-type]
+        assert policy.side == "allies"
+    with sp.make("3m", 2) as envs:
+        wrapper = sp.Wrapper(sp.Wrapper(envs))
+        policy = sp.ScriptedPolicy("nearest", wrapper)
+        assert policy(wrapper.reset(seed=1)).shape == (2, 3)
+        assert sp.Renderer(wrapper).state_size == envs.state_size
+        assert sp.scenario(wrapper)["name"] == "3m"
+        assert sp.evaluate(Doubled(envs), policy, 4, seed=1).mean_return > 0
+
+
+def test_two_policies_are_evaluated_against_each_other() -> None:
+    """What shoots beats what does not from either side, and two that do not shoot draw."""
+    with sp.make("3s_vs_4z", 8, sides="both", episode_limit=150) as envs:
+
+        def idle(batch: sp.Batch) -> NDArray[np.int64]:
+            """Stop, or no-op of the dead."""
+            return np.where(batch.avail_actions[..., STOP], STOP, NO_OP)
+
+        drawn = sp.evaluate(envs, idle, 8, seed=1, against=idle)
+        assert (drawn.draw_rate, drawn.win_rate, drawn.loss_rate) == (1, 0, 0)
+        lost = sp.evaluate(envs, idle, 8, seed=1, against="nearest")
+        assert lost.loss_rate == 1 and lost.lost.all() and not lost.won.any()
+        won = sp.evaluate(envs, "nearest", 8, seed=1, against=idle)
+        assert won.win_rate == 1 and won.draw_rate == 0
+        scripts = sp.ScriptedPolicy("nearest", envs, side="enemies")
+        same = sp.evaluate(envs, idle, 8, seed=1, against=scripts)
+        assert np.array_equal(same.returns, lost.returns)
+        joint = sp.evaluate(envs, lambda b: np.concatenate([idle(b), scripts(b)], axis=1), 8, seed=1)
+        assert np.array_equal(joint.returns, lost.returns)
+
+
+def test_mistakes_in_a_call_of_evaluate_say_what_is_meant() -> None:
+    evaluate: Any = sp.evaluate
+    with sp.make("3m", 2) as envs, sp.make("3m", 2, sides="both") as both:
+        policy = sp.ScriptedPolicy("nearest", envs)
+        assert len(evaluate(envs, "nearest", 2, seed=1)) == 2
+        with pytest.raises(
+            TypeError, match=r"the environments come first: evaluate\(envs, policy, episodes\)"
+        ):
+            evaluate(policy, envs, 2)
+        with pytest.raises(
+            TypeError, match="unexpected keyword argument 'n_episodes'; did you mean 'episodes'?"
+        ):
+            evaluate(envs, policy, n_episodes=2)
+        with pytest.raises(TypeError, match="policy must be a function from a batch .* got int"):
+            evaluate(envs, 3, 2)
+        with pytest.raises(sp.InvalidRequest, match="unknown policy `neares`; .*did you mean `nearest`"):
+            evaluate(envs, "neares", 2)
+        with pytest.raises(
+            sp.InvalidRequest, match=r"against needs environments .* make\(..., sides=\"both\"\)"
+        ):
+            evaluate(envs, policy, 2, against=policy)
+        for alone in (policy, "nearest", lambda batch: np.ones((2, 3), int)):
+            with pytest.raises(sp.InvalidRequest, match=r"pass the policy of the enemies as against="):
+                evaluate(both, alone, 2)
+        with pytest.raises(
+            sp.InvalidRequest, match=r'against must be a ScriptedPolicy\(..., side="enemies"\)'
+        ):
+            evaluate(both, policy, 2, against=sp.ScriptedPolicy("nearest", both))
+        with pytest.raises(sp.InvalidRequest, match=r'side must be `allies` .* make\(..., sides="both"\)'):
+            sp.ScriptedPolicy("kite", envs, side="enemies")
+    assert list(inspect.signature(evaluate).parameters) == ["envs", "policy", "episodes", "seed", "against"]
 
 
 def test_a_wrapper_that_forgets_its_base_class_is_told_so() -> None:

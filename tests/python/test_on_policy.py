@@ -17,7 +17,7 @@ def legal(available: NDArray[np.bool_], rng: np.random.Generator) -> list[list[i
 
 def test_steps_are_the_pools_and_shared_by_all_agents() -> None:
     adapted = ShareVecEnv("2s3z", 4, seed=2)
-    envs = sp.make("2s3z", 4, seed=2, autoreset="same_step")
+    envs = sp.make("2s3z", 4, seed=2, autoreset_mode="SameStep")
     obs, share_obs, available = adapted.reset()
     batch = envs.reset()
     assert obs.shape == (4, 5, 80) and share_obs.shape == (4, 5, 120) and available.shape == (4, 5, 11)
@@ -80,11 +80,11 @@ def test_wrong_actions_step_nothing() -> None:
 
 
 def test_attaches_to_a_pool_that_resets_in_the_same_step(serve: Serve) -> None:
-    serve("2s3z:2", "--autoreset", "same_step", "--name", "train")
+    serve("2s3z:2", "--autoreset-mode", "SameStep", "--name", "train")
     serve("2s3z:2", "--name", "other")
     attached, embedded = ShareVecEnv.connect("train"), ShareVecEnv("2s3z", 2)
     np.testing.assert_array_equal(attached.reset().share_obs, embedded.reset().share_obs)
-    with pytest.raises(sp.InvalidRequest, match="--autoreset same_step"):
+    with pytest.raises(sp.InvalidRequest, match="--autoreset-mode SameStep"):
         ShareVecEnv.connect("other")
     attached.close()
     embedded.close()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 import warnings
 from collections.abc import Iterator
 from typing import Any
@@ -63,7 +65,7 @@ def test_the_dead_stay_listed_with_the_no_op_alone(env: parallel_env) -> None:
 
 
 def test_the_battle_is_the_pools(env: parallel_env) -> None:
-    with sp.make("2s3z", 1, autoreset="disabled") as envs:
+    with sp.make("2s3z", 1, autoreset_mode="Disabled") as envs:
         seen, _ = env.reset(seed=5)
         batch = envs.reset(seed=5)
         for _ in range(40):
@@ -185,7 +187,7 @@ def test_pettingzoo_accepts_both_teams(scenario: str, mirror: bool) -> None:
 
 def test_each_team_has_the_rows_and_the_reward_of_its_side() -> None:
     env = parallel_env("5m_vs_6m", sides="both")
-    with sp.make("5m_vs_6m", 1, autoreset="disabled", sides="both") as envs:
+    with sp.make("5m_vs_6m", 1, autoreset_mode="Disabled", sides="both") as envs:
         seen, _ = env.reset(seed=5)
         batch = envs.reset(seed=5)
         assert env.agents == [f"agent_{i}" for i in range(5)] + [f"enemy_{i}" for i in range(6)]
@@ -201,3 +203,91 @@ def test_each_team_has_the_rows_and_the_reward_of_its_side() -> None:
             earned = {agent: total + rewards[agent] for agent, total in earned.items()}
     env.close()
     assert min(earned.values()) > 0
+
+
+def test_a_plain_observation_has_its_mask_in_the_info(env: parallel_env) -> None:
+    plain = parallel_env("2s3z", seed=3, action_mask="info")
+    seen: Any = env.reset()[0]
+    bare: Any
+    bare, infos = plain.reset()
+    while env.agents:
+        for agent in seen:
+            assert np.array_equal(bare[agent], seen[agent]["observation"])
+            assert plain.observation_space(agent).contains(bare[agent])
+            assert np.array_equal(infos[agent]["action_mask"], seen[agent]["action_mask"])
+        actions = {agent: env.action_space(agent).sample() for agent in env.agents}
+        seen, *_ = env.step(actions)
+        bare, *_, infos = plain.step(actions)
+    plain.close()
+    with pytest.raises(sp.InvalidRequest, match='"observation" or "info", got \'obs\''):
+        parallel_env("3m", action_mask="obs")  # type: ignore[arg-type]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        made = parallel_env("3m", action_mask="info")
+        parallel_api_test(made, num_cycles=100)
+        made.close()
+
+
+@pytest.mark.parametrize("sides", ["allies", "both"])
+def test_agents_stop_instead_of_an_unavailable_action(sides: str) -> None:
+    env = parallel_env("5m_vs_6m", illegal_actions="stop", sides=sides)
+    env.reset(seed=1)
+    while env.agents:
+        env.step({agent: int(env.action_space(agent).n) - 1 for agent in env.agents})
+    env.close()
+    with pytest.raises(sp.InvalidRequest, match="illegal_actions"):
+        parallel_env("3m", illegal_actions="ignore")  # type: ignore[arg-type]
+
+
+def test_an_environment_is_copied_by_its_arguments_before_its_first_reset() -> None:
+    """SuperSuit's `concat_vec_envs_v1` said "cannot pickle 'smaclite_pool.Envs' object"."""
+    for make in (parallel_env, pettingzoo.raw_env, pettingzoo.env):
+        env: Any = make("3m", seed=3)
+        again = pickle.loads(pickle.dumps(copy.deepcopy(env)))
+        env.reset()
+        again.reset()
+        assert np.array_equal(env.state(), again.state())
+        with pytest.raises(TypeError, match="after its first reset: `save` and `restore`"):
+            copy.deepcopy(env)
+        other: Any = parallel_env("3m")
+        other.reset(options={"snapshot": env.unwrapped.save()})
+        assert np.array_equal(other.state(), env.state())
+        for made in (env, again, other):
+            made.close()
+
+
+WRAPPERS = ["black_death_v3", "pad_observations_v0", "agent_indicator_v0", "frame_stack_v1", "flatten_v0"]
+
+
+@pytest.mark.parametrize("name", WRAPPERS)
+def test_wrappers_of_supersuit_take_plain_observations(name: str) -> None:
+    """They refused the dict of observation and mask."""
+    supersuit = pytest.importorskip("supersuit")
+    wrapped = getattr(supersuit, name)(parallel_env("3m", action_mask="info", illegal_actions="stop"))
+    observations, infos = wrapped.reset(seed=1)
+    steps, ended = 0, False
+    while not ended:
+        for agent, observation in observations.items():
+            assert wrapped.observation_space(agent).contains(observation)
+        masks = {agent: info.get("action_mask") for agent, info in infos.items()}
+        actions = {agent: int(np.argmax(masks[agent])) if agent in masks else 0 for agent in wrapped.agents}
+        observations, _, terminations, truncations, infos = wrapped.step(actions)
+        # `black_death_v3` of SuperSuit 3.11 reports an end only to environments that terminate and truncate.
+        ended = any(terminations.values()) or any(truncations.values()) or not wrapped.unwrapped.agents
+        steps += 1
+    assert steps > 5
+    wrapped.close()
+
+
+@pytest.mark.parametrize("num_cpus", [0, 2])
+def test_supersuit_joins_copies_to_one_vector(num_cpus: int) -> None:
+    supersuit = pytest.importorskip("supersuit")
+    env = parallel_env("3m", action_mask="info", illegal_actions="stop")
+    vector = supersuit.pettingzoo_env_to_vec_env_v1(env)
+    envs = supersuit.concat_vec_envs_v1(vector, 2, num_cpus=num_cpus, base_class="gymnasium")
+    observations, _ = envs.reset(seed=1)
+    assert observations.shape == (6, 30)
+    for _ in range(70):  # beyond an end
+        observations, rewards, *_ = envs.step(np.full(6, 6))
+        assert observations.shape == (6, 30) and rewards.shape == (6,)
+    envs.close()

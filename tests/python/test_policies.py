@@ -1,4 +1,4 @@
-"""Scripted policies, played with the batches of pools. What they decide is tested in tests/policies.rs."""
+"""Scripted policies, played with the batches of pools. What they decide is tested in tests/pools."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NAMES: tuple[Name, ...] = ("random", "nearest", "focus_fire", "kite", "hold")
 
 def wins(scenario: str, name: Name, episodes: int = 20) -> int:
     """The battles that a policy wins of the first one in each environment."""
-    with sp.make(scenario, episodes, seed=1, autoreset="disabled") as envs:
+    with sp.make(scenario, episodes, seed=1, autoreset_mode="Disabled") as envs:
         policy = sp.ScriptedPolicy(name, envs)
         batch = envs.reset()
         won = np.zeros(episodes, np.bool_)

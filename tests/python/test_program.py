@@ -8,6 +8,7 @@ import platform
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -82,6 +83,45 @@ def test_serve_ends_cleanly_with_ctrl_c(serve: Serve) -> None:
     server.send_signal(signal.SIGINT)
     assert server.wait(30) == 0
     assert sp.pools() == []
+
+
+def handles(pid: int, number: int) -> bool:
+    """Whether a process has a handler of a signal."""
+    status = Path(f"/proc/{pid}/status").read_text()
+    caught = next(line.split()[1] for line in status.splitlines() if line.startswith("SigCgt:"))
+    return bool(int(caught, 16) & 1 << number - 1)
+
+
+def test_an_interrupted_recording_is_written_and_has_the_status_of_its_signal(
+    serve: Serve, tmp_path: Path
+) -> None:
+    """It had the exit status 0 of a recording with all episodes."""
+    serve("3m:2", "--name", "train")
+    out = tmp_path / "a.smreplay"
+    with sp.connect("train") as envs:
+        envs.reset(seed=1)
+        argv = [sys.executable, "-m", "smaclite_pool", "record", "--pool", "train", "--episodes", "10000"]
+        recorder = subprocess.Popen(
+            [*argv, "--out", str(out)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        handled = None
+        while handled is None or time.monotonic() < handled + 2:  # it reads every 50 ms
+            envs.step(envs.sample_actions())
+            time.sleep(0.001)
+            if handled is None and handles(recorder.pid, signal.SIGTERM):
+                handled = time.monotonic()
+        recorder.send_signal(signal.SIGTERM)
+        printed, messages = recorder.communicate(timeout=60)
+    assert recorder.returncode == 128 + signal.SIGTERM, printed + messages
+    assert str(out) in printed and out.exists(), printed + messages
+
+
+def test_a_pool_for_two_learners_says_why_it_is_not_trained_on(serve: Serve, tmp_path: Path) -> None:
+    """The reason was said to be the field `opponent`, though the lane served all fields."""
+    serve("3m:2", "--name", "arena", "--sides", "both", "--mirror")
+    out = str(tmp_path / "run")
+    done = run("-m", "smaclite_pool", "train", "3m", "--pool", "arena", "--out", out)
+    assert done.returncode == 1 and "without --sides both" in done.stderr, done.stderr
 
 
 def test_the_example_plays() -> None:

@@ -1,4 +1,4 @@
-"""Checks links and the table of the README, and runs its code and commands."""
+"""Checks the table of the README, and runs its code and commands."""
 
 import os
 import re
@@ -14,11 +14,6 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text()
-FILES = [
-    "https://github.com/smaclite-pool/smaclite-pool/blob/main/",
-    "https://raw.githubusercontent.com/smaclite-pool/smaclite-pool/main/",
-]
-"""What the addresses of files in the repository begin with."""
 PROGRAM = [sys.executable, "-m", "smaclite_pool"]
 
 
@@ -37,21 +32,6 @@ def run(argv: list[str], environment: dict[str, str]) -> str:
     done = subprocess.run(argv, env=environment, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     return done.stdout
-
-
-def test_links_and_pictures_work_where_there_is_no_repository() -> None:
-    """PyPI shows the README too. Links relative to the repository or to a heading, which were in it, lead
-    nowhere there, and relative pictures are missing."""
-    text = re.sub(r"^```.*?^```", "", README, flags=re.MULTILINE | re.DOTALL)
-    defined = dict(re.findall(r"^\[([^]]+)\]: (\S+)$", text, re.MULTILINE))
-    inline, html = re.findall(r"\]\(([^)\s]+)\)", text), re.findall(r'(?:href|src|srcset)="([^"]+)"', text)
-    targets = [*inline, *html, *defined.values()]
-    assert len(targets) > 20
-    assert not [target for target in targets if not target.startswith("https://")]
-    files = {target.removeprefix(each) for target in targets for each in FILES if target.startswith(each)}
-    assert "docs/pictures/maps.png" in files
-    assert not [path for path in files if not (ROOT / path).exists()]
-    assert set(re.findall(r"\]\[([^]]+)\]", text)) == set(defined)
 
 
 def test_the_first_example_runs(environment: dict[str, str]) -> None:

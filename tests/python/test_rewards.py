@@ -1,4 +1,4 @@
-"""Reward options and the shares of single units, from Python; tests/rewards.rs has their definition."""
+"""Reward options and the shares of single units, from Python; tests/battles/rewards.rs defines them."""
 
 from __future__ import annotations
 
@@ -87,17 +87,24 @@ def test_scenarios_with_smacv2s_options_have_their_own() -> None:
         assert envs.rewards["reward_win"] == 77
 
 
-@pytest.mark.parametrize("autoreset", ["next_step", "same_step"])
+@pytest.mark.parametrize("autoreset", ["NextStep", "SameStep"])
 @pytest.mark.parametrize(("batch_size", "threads"), [(6, 1), (6, 3), (2, 2)])
 def test_shares_add_up_in_every_mode(autoreset: Any, batch_size: int, threads: int) -> None:
     options: dict[str, Any] = {"sides": "both", "fields": ["reward_agents", "enemy_reward_agents"]}
     options["fields"] += ["enemy_reward", "was_reset", "avail_actions", "enemy_avail_actions"]
     ends = rewarded = 0
     with sp.make(
-        "2s3z", 6, batch_size=batch_size, threads=threads, autoreset=autoreset, episode_limit=40, **options
+        "2s3z",
+        6,
+        batch_size=batch_size,
+        threads=threads,
+        autoreset_mode=autoreset,
+        episode_limit=40,
+        seed=1,
+        **options,
     ) as envs:
-        batch = envs.reset(seed=1)
-        for _ in range(300):
+        batch = envs.reset()
+        for _ in range(1800 // batch_size):  # asynchronously, chance says how far each environment gets
             batch = envs.step(envs.sample_actions(batch.env_id), batch.env_id)
             own, others = batch.reward_agents, batch.enemy_reward_agents
             np.testing.assert_allclose(own.sum(1), batch.reward, atol=1e-5)

@@ -29,7 +29,7 @@ def env() -> Iterator[BattleMultiAgentEnv]:
 
 
 def test_a_battle_is_the_pools(env: BattleMultiAgentEnv) -> None:
-    with sp.make("2s3z", 1, autoreset="disabled") as envs:
+    with sp.make("2s3z", 1, autoreset_mode="Disabled") as envs:
         seen, infos = env.reset(seed=5)
         batch = envs.reset(seed=5)
         for _ in range(150):
@@ -53,7 +53,7 @@ def test_a_battle_is_the_pools(env: BattleMultiAgentEnv) -> None:
 
 def test_both_teams_are_the_pools() -> None:
     env = BattleMultiAgentEnv({"scenario": "5m_vs_6m", "sides": "both"})
-    with sp.make("5m_vs_6m", 1, autoreset="disabled", sides="both") as envs:
+    with sp.make("5m_vs_6m", 1, autoreset_mode="Disabled", sides="both") as envs:
         seen, _ = env.reset(seed=5)
         batch = envs.reset(seed=5)
         assert env.agents == [f"agent_{i}" for i in range(5)] + [f"enemy_{i}" for i in range(6)]

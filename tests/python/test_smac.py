@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import smaclite_pool as sp
-from smaclite_pool.marl.smac import MultiAgentEnv, Unavailable, get_map_params
+from smaclite_pool.marl.smac import Direction, MultiAgentEnv, Unavailable, get_map_params
 
 from conftest import replayed
 
@@ -85,7 +85,7 @@ def test_knows_every_map_of_smac() -> None:
 @pytest.mark.parametrize("scenario", sp.scenarios(generated=False))
 def test_default_observations_and_state_are_the_pools(scenario: str) -> None:
     env = MultiAgentEnv(scenario, seed=3)
-    envs = sp.make(scenario, 1, seed=3, threads=1, autoreset="disabled")
+    envs = sp.make(scenario, 1, seed=3, threads=1, autoreset_mode="Disabled")
     obs, state = env.reset()
     batch = envs.reset()
     info = env.get_env_info()
@@ -380,4 +380,50 @@ def test_a_picture_shows_units_where_they_stand() -> None:
     assert not np.array_equal(picture, env.render(mode="rgb_array"))
     with pytest.raises(sp.InvalidRequest, match="mode must be"):
         env.render(mode="ansi")  # type: ignore[arg-type]
+    env.close()
+
+
+def test_scripts_read_the_attributes_of_smac() -> None:
+    """SMAC's environment has `can_move`, `last_action` and `death_tracker_ally`; the replacement had not."""
+    env = MultiAgentEnv("corridor", seed=1, obs_last_action=True, reward_win=100)
+    assert not env.death_tracker_ally.any() and not env.death_tracker_enemy.any()
+    env.reset()
+    assert env.obs_last_action is True and env.obs_pathing_grid is False and env.reward_win == 100
+    assert env.last_action.shape == (6, env.n_actions) and not env.last_action.any()
+    grid = env.pathing_grid
+    assert grid.shape == env.terrain_height.shape == (env.map_x, env.map_y) and 0 < grid.mean() < 1
+    assert env.check_bounds(0, 0) and not env.check_bounds(env.map_x, 0)
+    rng, died = np.random.default_rng(1), 0.0
+    while True:
+        for agent, unit in env.agents.items():
+            points = env.get_surrounding_points(unit, include_self=True)
+            assert len(points) == 9 and points[8] == (int(unit.pos.x), int(unit.pos.y))
+            values = [grid[x, y] if env.check_bounds(x, y) else True for x, y in points[:8]]
+            assert values == env.get_surrounding_pathing(unit)
+            if unit.health > 0:
+                moves = [env.can_move(unit, direction) for direction in Direction]
+                assert moves == [bool(is_on) for is_on in env.get_avail_agent_actions(agent)[2:6]]
+        assert env.can_move(env.enemies[0], Direction.NORTH) in (True, False)
+        actions = legal(env, rng)
+        _, ended, info = env.step(actions)
+        assert env.last_action.argmax(1).tolist() == actions and env.last_action.sum() == 6
+        assert env.death_tracker_ally.sum() == info["dead_allies"]
+        assert env.death_tracker_enemy.sum() == info["dead_enemies"]
+        died = max(died, env.death_tracker_ally.sum())
+        if ended:
+            break
+    assert died > 0
+    env.close()
+
+
+def test_what_belongs_to_starcraft_says_what_to_use() -> None:
+    env = MultiAgentEnv("MMM", seed=1)
+    for name, match in {"previous_ally_units": "keep `agents`", "reward_battle": "`step` returns it"}.items():
+        with pytest.raises(AttributeError, match=match):
+            getattr(env, name)
+        assert not hasattr(env, name)
+    with pytest.raises(AttributeError, match="no attribute 'nothing'$"):
+        _ = env.nothing
+    types = {unit.unit_type for unit in env.agents.values()}
+    assert {env.marine_id, env.marauder_id, env.medivac_id} == types and env.zealot_id == -1
     env.close()

@@ -244,7 +244,7 @@ def test_pictures(monkeypatch: pytest.MonkeyPatch, env: StarCraftCapabilityEnvWr
     with pytest.raises(sp.InvalidRequest, match="call reset first"):
         env.render()
     small = StarCraft2Env(
-        "10gen_zerg", capability_config=standard("zerg"), window_size_x=64, window_size_y=48
+        "10gen_zerg", capability_config=standard("zerg"), seed=0, window_size_x=64, window_size_y=48
     )
     small.reset()
     picture = small.render("rgb_array")

@@ -47,11 +47,29 @@ def test_a_late_answer_to_a_recorder_is_not_taken_for_the_next_one(serve: Serve)
 
 @pytest.mark.parametrize("call", ["Recorder", "Spectator"])
 def test_an_interrupted_call_does_not_delay_the_exit(serve: Serve, call: str) -> None:
-    """The exit waited 5 s for the thread of the interrupted call."""
+    """The exit waited 5 s for the thread of the interrupted call, and gave up before that ended."""
     server = serve("3m:1", "--name", "train", "--spectators", "2")
     stop(server)
     script = f"""
-import signal, smaclite_pool as sp
+import atexit, os, signal, time
+
+def threads():
+    for task in os.listdir("/proc/self/task"):
+        try:
+            with open(f"/proc/self/task/{{task}}/comm") as name:
+                yield name.read().strip()
+        except OSError:  # it has just ended
+            pass
+
+def say_if_one_is_left():
+    for _ in range(50):  # one that the exit does not wait for any more may be about to end
+        if "smaclite-wait" not in threads():
+            print("none is left")
+            break
+        time.sleep(0.01)
+
+atexit.register(say_if_one_is_left)  # runs after what the package registers
+import smaclite_pool as sp
 signal.signal(signal.SIGALRM, signal.default_int_handler)
 signal.setitimer(signal.ITIMER_REAL, 0.3)
 try:
@@ -59,10 +77,16 @@ try:
 except KeyboardInterrupt:
     print("interrupted")
 """
-    begin = time.monotonic()
     result = run_script(script)
-    assert (result.returncode, result.stdout) == (0, "interrupted\n"), result.stderr
-    assert time.monotonic() - begin < 4.5
+    expected = "interrupted\nnone is left\n"
+    assert (result.returncode, result.stdout) == (0, expected), result.stdout + result.stderr
+
+
+def catches(pid: int, number: signal.Signals) -> bool:
+    """Whether a process has a handler of this signal."""
+    status = Path(f"/proc/{pid}/status").read_text()
+    caught = next(line.split()[1] for line in status.splitlines() if line.startswith("SigCgt"))
+    return bool(int(caught, 16) >> (number - 1) & 1)
 
 
 @pytest.mark.parametrize("command", ["record", "train", "doctor"])
@@ -81,17 +105,19 @@ def test_a_signal_ends_a_command_that_waits_for_a_stopped_pool(
         [sys.executable, "-m", "smaclite_pool", command, *options],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
+        text=True,
     )
-    time.sleep(1.5)
+    while not catches(process.pid, signal.SIGTERM) and process.poll() is None:
+        time.sleep(0.01)
+    time.sleep(0.5)  # in which it begins to wait
     process.send_signal(signal.SIGTERM)
-    begin = time.monotonic()
-    process.communicate(timeout=60)
-    assert process.returncode == 1
-    assert time.monotonic() - begin < 5
+    printed = "".join(process.communicate(timeout=60))
+    assert process.returncode == 128 + signal.SIGTERM
+    assert "interrupted" in printed and "did not answer" not in printed, printed
 
 
 def test_a_forked_child_exits_at_once_while_its_parent_steps() -> None:
-    """It waited 5 s for environments that were busy for ever in its copy of the memory."""
+    """It waited 5 s for environments that were busy in its copy of the memory, looking every millisecond."""
     script = """
 import os, sys, threading, time
 import smaclite_pool as sp
@@ -107,20 +133,18 @@ with sp.make("2s3z", 64, threads=1) as envs:
     thread = threading.Thread(target=play)
     thread.start()
     time.sleep(0.2)
-    longest = 0.0
+    waits = []
     for _ in range(3):
-        begin = time.monotonic()
         child = os.fork()
         if child == 0:
             sys.exit(0)
-        os.waitpid(child, 0)
-        longest = max(longest, time.monotonic() - begin)
+        waits.append(os.wait4(child, 0)[2].ru_nvcsw)
     stop.set()
     thread.join()
-print("slow" if longest > 4 else "fast", longest)
+print(max(waits))
 """
     result = run_script(script)
-    assert result.stdout.startswith("fast"), result.stdout + result.stderr
+    assert int(result.stdout) < 200, result.stdout + result.stderr
 
 
 def test_a_forked_child_closes_its_own_pool_at_exit() -> None:

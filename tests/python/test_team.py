@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import copy
 import json
+import multiprocessing
+import os
+import pickle
 import re
 import shutil
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +38,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.parametrize("greedy", [True, False])
 def test_a_team_plays_as_the_program_plays_it(folder: Path, greedy: bool) -> None:
-    team = sp.load_team(folder, greedy=greedy)
+    team = sp.load_team(folder, greedy=greedy, seed=0)
     with sp.make("3m", num_envs=64, **team.settings) as envs:
         ours = sp.evaluate(envs, team, episodes=256, seed=5)
     argv = [sys.executable, "-m", "smaclite_pool", "evaluate", str(folder), "--episodes=256", "--json"]
@@ -48,12 +54,12 @@ def test_a_team_plays_as_the_program_plays_it(folder: Path, greedy: bool) -> Non
 
 
 def test_what_holds_no_team_is_an_error(tmp_path: Path, folder: Path) -> None:
-    with pytest.raises(sp.InvalidRequest, match=r"is not the folder of a trained team: .*run\.json"):
+    with pytest.raises(sp.InvalidRequest, match=r"is not the folder of a run .*: it has no run\.json"):
         sp.load_team(tmp_path)
     team = sp.load_team(folder)
     with (
         sp.make("8m", num_envs=2) as envs,
-        pytest.raises(sp.InvalidRequest, match=r"observations are \[M, 3, 39\], got \[2, 8, 80\]"),
+        pytest.raises(sp.InvalidRequest, match=r"observations \[M, 3, 39\], got \[2, 8, 80\]"),
     ):
         team(envs.reset())
 
@@ -63,8 +69,15 @@ def test_errors_of_the_program_are_raised(tmp_path: Path, folder: Path) -> None:
         sp.train("3m", folder, steps=100)
     with pytest.raises(sp.InvalidRequest, match="did you mean `3m`|unknown scenario `3mm`"):
         sp.train("3mm", tmp_path / "a", steps=100)
-    with pytest.raises(sp.InvalidRequest, match="unexpected argument '--learning-rate'"):
+    with pytest.raises(sp.InvalidRequest) as raised:
         sp.train("3m", tmp_path / "b", steps=100, learning_rate=0.1)
+    assert str(raised.value) == "unknown keyword `learning_rate` found"  # the usage of a program followed
+    with pytest.raises(
+        sp.InvalidRequest, match="invalid value '1' for `hidden`: must be a whole number between 2"
+    ):
+        sp.train("3m", tmp_path / "c", hidden=[1, "x"])
+    with pytest.raises(sp.InvalidRequest, match="`league_size` need `opponent` league"):
+        sp.train("3m", tmp_path / "d", league_every=5)
 
 
 @pytest.mark.parametrize("option", ["seeds", "resume", "json"])
@@ -90,7 +103,7 @@ def test_as_many_steps_are_trained_as_by_the_program(tmp_path: Path, monkeypatch
     def stop(_: dict[str, Any], steps: int) -> str:
         raise Stop(steps)
 
-    monkeypatch.setattr("smaclite_pool._team.progress", stop)
+    monkeypatch.setattr("smaclite_pool._training.progress_line", stop)
     with pytest.raises(Stop) as stopped:
         sp.train("3m", tmp_path / "run", **SMALL)  # type: ignore[arg-type]
     config = json.loads((tmp_path / "run/run.json").read_text())["config"]
@@ -110,8 +123,11 @@ def test_teams_of_the_zoo_have_names(tmp_path: Path, folder: Path, monkeypatch: 
     monkeypatch.chdir(folder.parent)  # a folder of that name is taken
     assert repr(sp.load_team("3m")) == "<Team '3m', sampled actions>"
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(sp.InvalidRequest, match=r"`zoo:4m` is not the folder of a trained team"):
+    with pytest.raises(sp.InvalidRequest, match=r"^the zoo has no team `4m`; it has 10m_vs_11m, "):
         sp.load_team("zoo:4m")
+    # "[Errno 2] No such file or directory: '3n/run.json'" was all that it said.
+    with pytest.raises(sp.InvalidRequest, match=r"no folder `3n`, and the zoo has no team `3n`; it has .*3m"):
+        sp.load_team("3n")
 
 
 def test_the_best_weights_play_unless_others_are_named(tmp_path: Path) -> None:
@@ -128,5 +144,223 @@ def test_the_best_weights_play_unless_others_are_named(tmp_path: Path) -> None:
 
 
 def test_progress_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """One line of the first update was all, so that a complete training looked as if it was aborted."""
     sp.train("3m", tmp_path / "run", steps=2000, seed=1, **SMALL)  # type: ignore[arg-type]
-    assert "of 2000 steps" in capsys.readouterr().out
+    first, *_, last, end = capsys.readouterr().out.splitlines()
+    assert "of 2000 steps" in first and end == "complete"
+    assert int(last.split()[0]) >= 2000, last
+
+
+def test_arguments_are_those_of_python(tmp_path: Path) -> None:
+    """Lists were passed as '[32', teams as '<Team', flags as '--zero-sum=True', and a scenario that begins
+    with a hyphen was an option."""
+    small: dict[str, Any] = {**SMALL, "steps": 500}
+    rival = sp.load_team("3m")
+    team = sp.train("3m", tmp_path / "a", hidden=[16, 8], opponent=rival, last_actions=4, **small)
+    assert team.config["hidden"] == [16, 8] and team.config["enemies"] == {"team": {"folder": "zoo:3m"}}
+    team = sp.train("3m", tmp_path / "b", opponent="self", zero_sum=True, evaluate_every=None, **small)
+    assert team.config["enemies"]["self_play"]["zero_sum"] is True
+    with pytest.raises(sp.InvalidRequest, match="^`--help` is neither a standard scenario"):
+        sp.train("--help", tmp_path / "c", steps=500)
+    with pytest.raises(sp.InvalidRequest, match="a team with default weights and sampled actions"):
+        sp.train("3m", tmp_path / "d", opponent=sp.load_team("3m", greedy=True))
+
+
+LEARNER = """
+import sys, time
+import smaclite_pool as sp
+
+def show(record):
+    print(record["update"], flush=True)
+    {on_update}
+
+sp.train("3m", sys.argv[1], steps=10**8, on_update=show, num_envs=8, horizon=16, threads=1)
+"""
+
+
+def updates_logged(run: Path) -> int:
+    return len((run / "log.csv").read_text().splitlines()) - 1
+
+
+def wait_until_idle(run: Path) -> None:
+    """Waits until a training, whose updates take milliseconds, has made none for a while."""
+    before, seen = -1, updates_logged(run)
+    while seen != before:
+        time.sleep(0.5)
+        before, seen = seen, updates_logged(run)
+
+
+def continues(run: Path) -> None:
+    """Resumes the run for one update, which must be the next one after its log."""
+    updates = updates_logged(run)
+    steps = str(updates * 8 * 16 + 1)
+    argv = [sys.executable, "-m", "smaclite_pool", "train", "--resume", str(run), "--steps", steps, "--json"]
+    done = subprocess.run(argv, capture_output=True, text=True, timeout=100, check=True)
+    assert json.loads(done.stdout.splitlines()[0])["update"] == updates + 1, "nothing is made twice"
+
+
+@pytest.mark.parametrize("on_update", ["pass", "time.sleep(0.01)", "time.sleep(1000)"])
+def test_ctrl_c_in_a_terminal_saves_the_last_update(on_update: str, tmp_path: Path) -> None:
+    """A terminal sends Ctrl-C to all processes of its group. The program got it, and again from `train`,
+    ended at once by the second, and up to a minute of training was lost. While `on_update` is slow, the
+    program waits for a reader of what it prints."""
+    run = tmp_path / "run"
+    argv = [sys.executable, "-c", LEARNER.format(on_update=on_update), str(run)]
+    learner = subprocess.Popen(
+        argv, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    assert learner.stdout is not None
+    while learner.stdout.readline().strip() != ("1" if "1000" in on_update else "5"):
+        pass
+    if "1000" in on_update:
+        wait_until_idle(run)  # the pipe is full
+    os.killpg(learner.pid, signal.SIGINT)
+    _, messages = learner.communicate(timeout=100)
+    assert "KeyboardInterrupt" in messages and learner.returncode == -signal.SIGINT, messages
+    continues(run)
+
+
+def test_an_exception_of_on_update_saves_the_last_update_and_passes_on(tmp_path: Path) -> None:
+    class Stop(Exception):
+        pass
+
+    def stop(record: dict[str, Any]) -> None:
+        if record["update"] == 3:
+            raise Stop
+
+    with pytest.raises(Stop):
+        sp.train("3m", tmp_path / "run", steps=10**8, on_update=stop, num_envs=8, horizon=16, threads=1)
+    continues(tmp_path / "run")
+
+
+def test_many_messages_do_not_stop_a_training(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """They went to a pipe that nothing read before the end: when it was full, both waited without end."""
+    real = sys.executable
+    chatty = tmp_path / "python"
+    chatty.write_text(f"#!/bin/sh\nhead -c 1000000 /dev/zero | tr '\\0' x >&2\nexec {real} \"$@\"\n")
+    chatty.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(chatty))
+    sp.train("3m", tmp_path / "run", steps=500, **SMALL)  # type: ignore[arg-type]
+    assert len(capfd.readouterr().err) >= 1_000_000
+
+
+def test_a_training_that_is_ended_from_outside_can_be_continued(tmp_path: Path) -> None:
+    run, argv = tmp_path / "run", list[str]()
+
+    def end(_: dict[str, Any]) -> None:
+        if not argv:
+            found = subprocess.run(
+                ["pgrep", "-n", "-P", str(os.getpid()), "-f", "train"],
+                capture_output=True,
+                text=True,
+                check=True,
+            )
+            argv.extend(found.stdout.split())
+            os.kill(int(argv[0]), signal.SIGTERM)
+
+    with pytest.raises(sp.PoolError, match=r"signal 15 ended the training; .* --resume .*run` continues"):
+        sp.train("3m", run, steps=10**8, on_update=end, num_envs=8, horizon=16, threads=1)
+    continues(run)
+
+
+def damaged(data: bytes, how: str) -> bytes:
+    """A file of weights with NaN, or with one bit that is flipped."""
+    start = 8 + int.from_bytes(data[:8], "little")
+    if how == "NaN":  # and its checksum
+        header = re.sub(rb'"crc32c":"[0-9a-f]*"', b'"none":"00000000"', data[8:start])
+        header = header.ljust(start - 8)[: start - 8]
+        return data[:8] + header + np.full((len(data) - start) // 4, np.nan, "<f4").tobytes()
+    at = start + (len(data) - start) // 2
+    return data[:at] + bytes([data[at] ^ 64]) + data[at + 1 :]
+
+
+@pytest.mark.parametrize(("how", "why"), [("NaN", "contains NaN"), ("a bit", "its checksum differs")])
+def test_damaged_weights_are_refused(how: str, why: str, folder: Path, tmp_path: Path) -> None:
+    """The program refused them, and Python played them: with NaN, action 1 in every step."""
+    shutil.copytree(folder, tmp_path / "run")
+    path = tmp_path / "run/weights.safetensors"
+    path.write_bytes(damaged(path.read_bytes(), how))
+    with pytest.raises(sp.InvalidRequest, match=f"weights.safetensors` is damaged .*{why}"):
+        sp.load_team(tmp_path / "run")
+
+
+VALUES: list[Any] = [-1, 2**64, 1e308, None, True, "x" * 3000, "\x1b[31m", [], {}, [1] * 20]
+
+
+@pytest.mark.parametrize("value", VALUES, ids=lambda value: repr(value)[:12])
+def test_a_damaged_description_is_an_error_with_the_name_of_its_file(
+    value: Any, folder: Path, tmp_path: Path
+) -> None:
+    """Each key was read as it came, and failed somewhere as an AttributeError or a TypeError."""
+    shutil.copytree(folder, tmp_path / "run")
+    path = tmp_path / "run/run.json"
+    run, messages = json.loads(path.read_text()), list[str]()
+    for whole, keys in [(run, list(run)), (run["config"], list(run["config"]))]:
+        for key in keys:
+            before, whole[key] = whole[key], value
+            path.write_text(json.dumps(run))
+            try:
+                sp.load_team(tmp_path / "run")  # some values are those of another run
+            except sp.InvalidRequest as error:
+                messages.append(str(error))
+            whole[key] = before
+    assert all("run" in text and len(text) < 600 and "\x1b" not in text for text in messages), messages
+    assert messages
+
+
+def test_files_that_are_pipes_are_refused(folder: Path, tmp_path: Path) -> None:
+    shutil.copytree(folder, tmp_path / "run")
+    (tmp_path / "run/weights.safetensors").unlink()
+    os.mkfifo(tmp_path / "run/weights.safetensors")
+    with pytest.raises(sp.InvalidRequest, match="is not a regular file"):
+        sp.load_team(tmp_path / "run")
+
+
+def play_in_another_process(team: sp.Team, seed: int) -> float:
+    with sp.make("3m", num_envs=4, threads=1, **team.settings) as envs:
+        return sp.evaluate(envs, team, episodes=8, seed=seed).mean_return
+
+
+def test_a_team_is_sent_to_other_processes() -> None:
+    """`multiprocessing` pickles what it sends to processes that it spawns."""
+    team = sp.load_team("3m", seed=3)
+    with multiprocessing.get_context("spawn").Pool(1) as workers:
+        theirs = workers.apply(play_in_another_process, (team, 1))
+    copied = copy.deepcopy(team)
+    assert theirs == play_in_another_process(team, 1) == play_in_another_process(copied, 1)
+
+
+def test_environments_say_what_to_use_instead_of_a_copy() -> None:
+    with sp.make("3m", num_envs=1) as envs:
+        for make_copy in (pickle.dumps, copy.copy, copy.deepcopy):
+            with pytest.raises(TypeError, match="`fork` copies battles .* `snapshot` and `restore`"):
+                make_copy(envs)
+
+
+def test_a_team_plays_the_enemies(folder: Path) -> None:
+    """How it does was found by guessing; and with the `opponent` of its settings a script played them."""
+    team, rival = sp.load_team("3m"), sp.load_team("3m", side="enemies", seed=1)
+    assert repr(rival) == "<Team 'zoo:3m', sampled actions, plays the enemies>"
+    wins = losses = 0
+    with sp.make("3m", num_envs=64, **rival.settings) as envs:
+        hold = sp.ScriptedPolicy("hold", envs)
+        batch = envs.reset(seed=1)
+        swapped = batch.replace(obs=batch.enemy_obs, avail_actions=batch.enemy_avail_actions)
+        ours = sp.load_team("3m", seed=1)(swapped)
+        assert (ours == sp.load_team("3m", side="enemies", seed=1)(batch)).all()
+        for _ in range(200):
+            batch = envs.step(np.concatenate([hold(batch), rival(batch)], axis=1))
+            wins += int(batch.battle_won.sum())
+            losses += int((batch.terminated & (batch.dead_allies == 3)).sum())
+    assert losses > 9 * wins, (losses, wins)
+    without = {name: value for name, value in team.settings.items() if name != "opponent"}
+    assert rival.settings == {**without, "sides": "both", "mirror": True}
+    with (
+        sp.make("5m_vs_6m", num_envs=2, sides="both") as envs,
+        pytest.raises(sp.InvalidRequest, match="plays the enemies of a scenario whose two sides are equal"),
+    ):
+        rival(envs.reset())
+    with pytest.raises(sp.InvalidRequest, match='side must be "allies" or "enemies", got .enemy'):
+        sp.load_team("3m", side="enemy")  # type: ignore[arg-type]

@@ -21,7 +21,7 @@ from smaclite_pool.integrations.torch import ReadOnly, pinned, tensor, tensors
 
 @pytest.fixture
 def envs() -> Iterator[sp.Envs]:
-    with sp.make("2s3z", 8, autoreset="same_step") as made:
+    with sp.make("2s3z", 8, autoreset_mode="SameStep") as made:
         yield made
 
 

@@ -269,7 +269,7 @@ def test_evaluations_keep_the_best_weights_and_their_time(tmp_path: Path) -> Non
             played.append((count, greedy, tuple(occasion), module.weight.item()))
             won = np.arange(count) < round(rates[now] * count)
             return sp.Evaluation(
-                np.zeros(count, np.int32), won.astype(np.float32), np.ones(count, np.int32), won
+                np.zeros(count, np.int32), won.astype(np.float32), np.ones(count, np.int32), won, ~won
             )
 
     played: list[tuple[int, bool, tuple[int, ...], float]] = []
@@ -320,3 +320,17 @@ def test_the_command_line_and_its_errors(tmp_path: Path) -> None:
     again = subprocess.run(command, capture_output=True, text=True, timeout=100, check=False)
     assert again.returncode == 1
     assert again.stderr.startswith("ppo: ") and "choose another --out" in again.stderr
+
+
+def test_several_seeds_are_trained_in_one_call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The folders are those that `report` takes for one algorithm."""
+    small = "--steps 200 --num-envs 8 --horizon 16 --hidden 8 --threads 1 --evaluate-episodes 0"
+    argv = ["ppo", "3m", "--seed", "4", "--seeds", "2", "--out", str(tmp_path), *small.split()]
+    monkeypatch.setattr("sys.argv", argv)
+    ppo.main()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["3m-ippo-4", "3m-ippo-5"]
+    options = [json.loads((path / "options.json").read_text()) for path in sorted(tmp_path.iterdir())]
+    assert [one["seed"] for one in options] == [4, 5] and "seeds" not in options[0]
+    monkeypatch.setattr("sys.argv", ["ppo", "--seeds", "0"])
+    with pytest.raises(SystemExit):
+        ppo.main()

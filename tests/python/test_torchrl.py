@@ -64,7 +64,7 @@ def test_the_enemies_are_a_group(scenario: str) -> None:
     assert list(env.group_map) == ["agents", "enemies"]
     env.set_seed(5)
     played = env.rollout(60, break_when_any_done=False)
-    with sp.make(scenario, 3, autoreset="disabled", sides="both", mirror=True) as envs:
+    with sp.make(scenario, 3, autoreset_mode="Disabled", sides="both", mirror=True) as envs:
         batch = envs.reset(5)
         for step in range(20):
             assert np.array_equal(played[:, step]["enemies", "observation"], batch.enemy_obs)
@@ -84,7 +84,7 @@ def test_a_rollout_is_the_pools_own_play(env: PoolEnv) -> None:
     played = env.rollout(150, break_when_any_done=False)
     ended = played["next", "done"].squeeze(-1)
     assert ended.any(1).all() and not ended.any(0).all(), "resets were not of some environments only"
-    with sp.make("2s3z", 4, autoreset="disabled") as envs:
+    with sp.make("2s3z", 4, autoreset_mode="Disabled") as envs:
         batch = envs.reset(seed=7)
         for step in range(150):
             now, then = played[:, step], played[:, step]["next"]
@@ -226,12 +226,12 @@ def test_random_actions_are_available_ones(env: PoolEnv, wrap: Any, policy: str,
 
 
 def test_a_running_pool_is_attached_to(serve: Serve) -> None:
-    serve("2s3z:3", "--name", "train", "--autoreset", "disabled", "--threads", "1")
+    serve("2s3z:3", "--name", "train", "--autoreset-mode", "Disabled", "--threads", "1")
     env = PoolEnv(sp.connect("train"))
     check_env_specs(env)
     env.close()
     serve("2s3z:3", "--name", "other", "--threads", "1")
-    with sp.connect("other") as envs, pytest.raises(sp.InvalidRequest, match="next_step"):
+    with sp.connect("other") as envs, pytest.raises(sp.InvalidRequest, match="NextStep"):
         PoolEnv(envs)
 
 
@@ -270,7 +270,7 @@ def test_torchrl_wraps_the_vector_environment() -> None:
     from torchrl.envs import GymWrapper
 
     options: dict[str, Any] = {"max_episode_steps": 8, "illegal_actions": "stop"}
-    with closing(make_vector("2s3z", 3, seed=1, autoreset_mode="disabled", **options)) as vector:
+    with closing(make_vector("2s3z", 3, seed=1, autoreset_mode="Disabled", **options)) as vector:
         played = GymWrapper(vector).rollout(20, break_when_any_done=False)
     assert played["obs"].shape == played["next", "obs"].shape == (3, 20, 5, 80)
     done = played["next", "done"][..., 0].nonzero().tolist()

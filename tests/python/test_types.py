@@ -33,7 +33,7 @@ def test_the_defaults_in_the_signature_of_make_are_its_defaults() -> None:
     assert len(defaults) == 24 and defaults["num_envs"] == 64
     with sp.make("2s3z") as implicit, sp.make("2s3z", **defaults) as explicit:
         for name, value in implicit.description.items():
-            assert name in ("pool", "instance") or value == explicit.description[name], name
+            assert name in ("pool", "instance", "seed") or value == explicit.description[name], name
 
 
 def test_the_stub_declares_every_field_with_its_type() -> None:

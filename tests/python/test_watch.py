@@ -10,7 +10,7 @@ import sys
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -214,6 +214,16 @@ def test_a_fast_learner_is_followed_episode_by_episode(browser: Any, programs_of
             page.press("-")
         assert page.text("#speed") == "0.25×"
 
+        # How episodes ended that were never opened: the list once said "Over" for them.
+        page.wait(lambda: page.page.locator("#episode-list li").count() > 8)
+        results = "all => all.map((row) => row.querySelector('.dot').textContent)"
+        page.wait(
+            lambda: (
+                {"Won", "Lost"}
+                >= set(page.page.eval_on_selector_all("#episode-list li:nth-child(n+3)", results))
+            )
+        )
+
         # An earlier episode, and back to the newest.
         shown = page.text("#episode-list [aria-current=true] span >> nth=0")
         page.press("n")
@@ -283,10 +293,13 @@ def test_a_phone_shows_the_whole_step(browser: Any, programs_of_test: Programs) 
         check_step_on_phones(page, "step 12 / ")
 
 
+@pytest.mark.parametrize("sides", ["allies", "both"])
 def test_a_shown_moment_is_saved_as_the_snapshot_that_the_pool_made(
-    browser: Any, programs_of_test: Programs, tmp_path: Path
+    browser: Any, programs_of_test: Programs, tmp_path: Path, sides: Literal["allies", "both"]
 ) -> None:
-    with sp.make("2s3z", num_envs=2, name="train", fields=FIELDS, obs_last_actions=2) as envs:
+    """Those of two-sided battles could not be read by other commands; `record --from` goes on from them."""
+    fields = [*FIELDS, "enemy_avail_actions"] if sides == "both" else FIELDS
+    with sp.make("2s3z", 2, name="train", fields=fields, sides=sides, obs_last_actions=2) as envs:
         envs.reset(seed=1)
         with WatchPage(browser, programs_of_test.watch(), "env=1") as page:
             page.wait(lambda: page.page.locator("#episode-list li").count() == 1)
@@ -311,6 +324,9 @@ def test_a_shown_moment_is_saved_as_the_snapshot_that_the_pool_made(
         programs_of_test.stop(programs_of_test.running[-1])
         state = envs.restore(saved[None], [0]).state.copy()
         assert np.array_equal(state[0], state[1]), "environment 1 is still there"
+    branch = str(tmp_path / "branch.smreplay")
+    argv = [*PROGRAM, "record", "--from", str(file), "--policy", "kite", "--out", branch]
+    subprocess.run(argv, check=True, timeout=100)
 
 
 def test_a_pool_that_ends_and_runs_again_is_shown_again(browser: Any, programs_of_test: Programs) -> None:

@@ -5,8 +5,8 @@ use smaclite_engine::Faction;
 use smaclite_pool::fields::Field;
 use smaclite_pool::layout::{BLOCK_ALIGN, Element, Layout};
 use smaclite_pool::transport::{
-    Doorbell, Epoch, FrameContent, Inlet, Message, Outlet, Request, RequestKind, RequestNumber, SessionId,
-    Transport, TransportError,
+    Doorbell, Epoch, FrameContent, Inlet, Message, Outlet, Received, Request, RequestKind, RequestNumber,
+    SessionId, Transport, TransportError,
 };
 use smaclite_pool::{LaneSpec, Rejection};
 use std::sync::atomic::{AtomicBool, AtomicI32, AtomicUsize, Ordering};
@@ -43,18 +43,16 @@ pub struct SentMessage {
 /// A message on the pool's side; atomics, as in shared memory.
 pub struct ReceivedMessage {
     message: SentMessage,
+    kind: RequestKind,
     env_ids: Vec<AtomicI32>,
     actions: Vec<AtomicI32>,
 }
 
 impl Message for ReceivedMessage {
-    fn request(&self) -> Result<Request<'_>, Rejection> {
-        let Some(kind) = self.message.kind else {
-            return Err(Rejection::Malformed { what: "a malformed message".to_owned() });
-        };
+    fn request(&self) -> Request<'_> {
         let (session, number) = (SessionId(self.message.session), RequestNumber(self.message.number));
         let (side, env_ids, body) = (self.message.side, &self.env_ids[..], &self.actions[..]);
-        Ok(Request { session, side, number, kind, env_ids, body })
+        Request { session, side, number, kind: self.kind, env_ids, body }
     }
 }
 
@@ -64,14 +62,15 @@ pub struct MemoryInlet(Receiver<SentMessage>);
 impl Inlet for MemoryInlet {
     type Message = ReceivedMessage;
 
-    fn receive(&mut self) -> Result<Option<ReceivedMessage>, TransportError> {
-        let Ok(message) = self.0.try_recv() else { return Ok(None) };
+    fn receive(&mut self) -> Result<Received<ReceivedMessage>, TransportError> {
+        let Ok(message) = self.0.try_recv() else { return Ok(Received::Nothing) };
+        let Some(kind) = message.kind else {
+            let what = "a malformed message".to_owned();
+            return Ok(Received::Malformed(Rejection::Malformed { what }));
+        };
         let atomics = |values: &[i32]| values.iter().map(|v| AtomicI32::new(*v)).collect();
-        Ok(Some(ReceivedMessage {
-            env_ids: atomics(&message.env_ids),
-            actions: atomics(&message.actions),
-            message,
-        }))
+        let (env_ids, actions) = (atomics(&message.env_ids), atomics(&message.actions));
+        Ok(Received::Request(ReceivedMessage { kind, env_ids, actions, message }))
     }
 }
 

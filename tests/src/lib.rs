@@ -33,8 +33,10 @@ pub mod recording;
 pub mod reference;
 pub mod roles;
 pub mod row;
+pub mod skip;
 pub mod test_dir;
 pub mod toy_env;
+pub mod waiting;
 
 pub use learner::Learner;
 pub use plan::{LanePlan, PoolPlan};
@@ -42,4 +44,5 @@ pub use process::Child;
 pub use recording::Recording;
 pub use reference::Reference;
 pub use row::Row;
+pub use skip::skip;
 pub use test_dir::TestDir;

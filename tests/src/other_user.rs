@@ -1,8 +1,8 @@
 //! Roles of another user of the machine, who opens every file that he can and creates files where a pool may
 //! need a name.
 
-use crate::TestDir;
 use crate::process::{Child, ROLE_ARGS, ROLE_VARIABLE, answer};
+use crate::{TestDir, skip};
 use rustix::fs::{CWD, FileType, Mode, mknodat};
 use smaclite_ipc::ROOT_VARIABLE;
 use std::collections::BTreeSet;
@@ -19,7 +19,8 @@ const OTHER_USER: &str = "65534";
 
 impl Child {
     /// Starts a child as another user; as this user, if it is not root. `folder` gets a copy of this program
-    /// that the other user may execute.
+    /// that the other user may execute. `cp` writes it, not this process: a child that another test starts
+    /// meanwhile would have it open for writing, and the kernel executes no such file ("Text file busy").
     ///
     /// # Panics
     /// If it cannot be started.
@@ -29,13 +30,15 @@ impl Child {
             std::fs::set_permissions(folder, PermissionsExt::from_mode(0o755)).expect("own folder");
             let copy = folder.join("program");
             if !copy.exists() {
-                std::fs::copy(program, &copy).expect("a copy of the program");
+                let copied = Command::new("cp").arg(program).arg(&copy).status();
+                assert!(copied.is_ok_and(|status| status.success()), "a copy of the program");
+                std::fs::set_permissions(&copy, PermissionsExt::from_mode(0o755)).expect("own file");
             }
             let mut command = Command::new("setpriv");
             command.args(["--reuid", OTHER_USER, "--regid", OTHER_USER, "--clear-groups"]).arg(copy);
             command
         } else {
-            println!("not root: the other user is this one, and checks the modes of files");
+            skip("not root: the other user is this one, and checks only the modes of files");
             Command::new(program)
         };
         command.args(ROLE_ARGS).env(ROLE_VARIABLE, role).env(ROOT_VARIABLE, dir.root());

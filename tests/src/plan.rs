@@ -150,13 +150,14 @@ impl LanePlan {
             sizes: self.sizes(),
             settings: self.settings(),
             make: self.make(),
+            team: None,
         }
     }
 
     fn settings(&self) -> LaneSettings {
         let LanePlan { num_envs, batch_size, seed, autoreset, obs_last_actions, obs_agent_id, .. } = *self;
-        let fields = self.field_set();
-        LaneSettings { num_envs, batch_size, seed, autoreset, fields, obs_last_actions, obs_agent_id }
+        let own = LaneSettings { fields: self.field_set(), ..LaneSettings::new(num_envs) };
+        LaneSettings { batch_size, seed, autoreset, obs_last_actions, obs_agent_id, ..own }
     }
 
     fn config(&self) -> LaneConfig {
@@ -172,7 +173,7 @@ impl LanePlan {
     /// Battles as a user's lane has them, unless an environment has a fault.
     fn envs(&self) -> LaneEnvs {
         if self.faults.is_empty() {
-            LaneEnvs::Battle(self.setup())
+            LaneEnvs::Battle { setup: self.setup(), team: None }
         } else {
             LaneEnvs::Other { name: self.scenario.clone(), sizes: self.sizes(), make: self.make() }
         }

@@ -1,13 +1,14 @@
 //! Child processes: this program again, with one of the [`roles`](crate::roles). The parent writes commands
 //! to the child's standard input, one per line, and reads one answer for each.
 
+pub use crate::waiting::{TIMEOUT, eventually, eventually_within};
 use crate::{LanePlan, PoolPlan, TestDir};
 use rustix::process::{Pid, Signal, WaitId, WaitIdOptions, kill_process, waitid};
 use smaclite_ipc::ROOT_VARIABLE;
 use std::io::{BufRead, BufReader, Read, Seek, Write};
 use std::process::{ChildStdin, Command, ExitStatus, Stdio};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// The environment variable with the role of a child.
 pub const ROLE_VARIABLE: &str = "SMACLITE_TEST_ROLE";
@@ -17,10 +18,6 @@ pub const ROLE_ARGS: [&str; 4] = ["--exact", "role", "--ignored", "--nocapture"]
 
 /// Marks the lines of a child's output that are answers; the test harness prints others.
 const ANSWER: &str = "@ ";
-
-/// Limit for everything that normally takes less than a second, so that it also holds on a busy machine. No
-/// test waits this long for something that must not happen.
-pub const TIMEOUT: Duration = Duration::from_secs(15);
 
 /// Makes a process namespace. With `--kill-child` the processes in it end with `unshare`.
 pub const NEW_PROCESS_NAMESPACE: &[&str] = &["unshare", "--pid", "--fork", "--kill-child"];
@@ -280,24 +277,5 @@ impl Child {
 impl Drop for Child {
     fn drop(&mut self) {
         self.kill();
-    }
-}
-
-/// Whether the condition becomes true within [`TIMEOUT`].
-pub fn eventually(condition: impl FnMut() -> bool) -> bool {
-    eventually_within(TIMEOUT, condition)
-}
-
-/// Whether the condition becomes true within `time`.
-pub fn eventually_within(time: Duration, mut condition: impl FnMut() -> bool) -> bool {
-    let begin = Instant::now();
-    loop {
-        if condition() {
-            return true;
-        }
-        if begin.elapsed() > time {
-            return false;
-        }
-        std::thread::sleep(Duration::from_millis(2));
     }
 }

@@ -73,6 +73,14 @@ impl Control {
     }
 }
 
+/// Where a sent request lies in shared memory, which stays mapped while its publisher lives.
+pub struct Sent {
+    /// Its header.
+    pub header: *mut RequestHeader,
+    /// Its environments and body.
+    pub payload: *mut u8,
+}
+
 /// The sending side of a lane's requests.
 pub struct Requests {
     /// Publishes requests.
@@ -102,12 +110,11 @@ pub fn requests(node: &Node<Ipc>, lane: &LaneDescription, max_bytes: usize) -> R
 }
 
 impl Requests {
-    /// Sends a request, and waits while the queue is full. Returns the address of its payload in shared
-    /// memory.
+    /// Sends a request, and waits while the queue is full. Returns where it lies in shared memory.
     ///
     /// # Panics
     /// If the supervisor does not read requests for [`TIMEOUT`](crate::process::TIMEOUT).
-    pub fn send(&self, header: RequestHeader, payload: &[u8]) -> *mut u8 {
+    pub fn send(&self, header: RequestHeader, payload: &[u8]) -> Sent {
         let mut sent = None;
         crate::process::eventually(|| {
             sent = self.try_send(header, payload);
@@ -117,14 +124,15 @@ impl Requests {
     }
 
     /// Sends a request unless the queue is full, as [`send`](Requests::send).
-    pub fn try_send(&self, header: RequestHeader, payload: &[u8]) -> Option<*mut u8> {
+    pub fn try_send(&self, header: RequestHeader, payload: &[u8]) -> Option<Sent> {
         let mut sample = self.publisher.loan_slice(payload.len()).ok()?;
         *sample.user_header_mut() = header;
         sample.payload_mut().copy_from_slice(payload);
-        let bytes = sample.payload_mut().as_mut_ptr();
+        let header = std::ptr::from_mut(sample.user_header_mut());
+        let place = Sent { header, payload: sample.payload_mut().as_mut_ptr() };
         let sent = sample.send();
         let _ = self.notifier.notify();
-        matches!(sent, Ok(receivers) if receivers > 0).then_some(bytes)
+        matches!(sent, Ok(receivers) if receivers > 0).then_some(place)
     }
 }
 
@@ -155,13 +163,13 @@ impl RawLearner {
     }
 
     /// Sends a request for `count` environments with the next number, as [`Requests::send`].
-    pub fn send(&mut self, kind: RequestKind, payload: &[u8], count: usize) -> *mut u8 {
+    pub fn send(&mut self, kind: RequestKind, payload: &[u8], count: usize) -> Sent {
         self.number += 1;
         self.send_numbered(self.number, kind, payload, count)
     }
 
     /// Sends a request with any number.
-    pub fn send_numbered(&self, number: u64, kind: RequestKind, payload: &[u8], count: usize) -> *mut u8 {
+    pub fn send_numbered(&self, number: u64, kind: RequestKind, payload: &[u8], count: usize) -> Sent {
         let header = RequestHeader::new(
             &self.layout,
             SessionId(self.session),

@@ -246,6 +246,7 @@ fn frames(arrays: &Npz, prefix: &str, n_units: usize) -> Result<Vec<Units>> {
         alive: alive[t].clone(),
         target: target[t].clone(),
         declared: declared[t].clone(),
+        phases: Vec::new(),
     };
     Ok((0..pos.len()).map(frame).collect())
 }

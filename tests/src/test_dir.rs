@@ -1,6 +1,6 @@
 //! The directory of one test's pools: starting and attaching to them, and the files that must not remain.
 
-use crate::process::eventually;
+use crate::waiting::eventually;
 use crate::{LanePlan, Learner, PoolPlan};
 use smaclite_ipc::{Client, PoolStatus, RuntimeDir, Supervisor, WaitStrategy};
 use std::path::{Path, PathBuf};
@@ -77,7 +77,7 @@ impl TestDir {
     /// Waits until no file is left.
     ///
     /// # Panics
-    /// If files are left after [`TIMEOUT`](crate::process::TIMEOUT), with their names.
+    /// If files are left after [`TIMEOUT`](crate::waiting::TIMEOUT), with their names.
     pub fn assert_empty(&self) {
         let empty = eventually(|| self.files().is_empty());
         assert!(empty, "left behind: {:#?}", self.files());

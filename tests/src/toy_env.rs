@@ -16,6 +16,7 @@ pub const SIZES: Sizes = Sizes {
     obs_size: 3,
     state_size: 4,
     perception_size: 0,
+    n_phases: 0,
     enemies: None,
 };
 

@@ -1,14 +1,15 @@
 //! The keys of a unit file and the JSON Schema that they make. `parse` reads the values.
 
 use crate::file::{
-    AnyKey, Key, Kind, Range, SCHEMA_DIALECT, SCHEMA_KEY, Schema, Shape, Whole, Word, Words, object_schema,
+    AnyKey, Flag, Key, Kind, Range, SCHEMA_DIALECT, SCHEMA_KEY, Schema, Shape, Whole, Word, Words,
+    object_schema,
 };
 use crate::{Attribute, CombatType, Keyword, Plane, UnitType};
 use serde_json::json;
 use std::marker::PhantomData;
 
 /// Every key of a unit file, in the order in which files have them.
-pub(crate) const KEYS: [&dyn AnyKey; 24] = [
+pub(crate) const KEYS: [&dyn AnyKey; 36] = [
     &SCHEMA_KEY,
     &HP,
     &SHIELD,
@@ -33,15 +34,34 @@ pub(crate) const KEYS: [&dyn AnyKey; 24] = [
     &ATTRIBUTES,
     &TARGETER,
     &TARGETER_KWARGS,
+    &DAMAGE_POINT,
+    &BACKSWING,
+    &MIN_RANDOM_DELAY,
+    &MAX_RANDOM_DELAY,
+    &RANGE_SLOP,
+    &HIT_INTERVAL,
+    &PROJECTILE_SPEED,
+    &EFFECT_DELAY,
+    &ACCELERATION,
+    &TURN_RATE,
+    &SEPARATION_RADIUS,
+    &EXPLODES_WHEN_KILLED,
 ];
 
-/// No useful value comes near these limits; they keep the simulator's f32 arithmetic finite.
+/// No useful value comes near these limits; they keep the simulator's f32 arithmetic finite. What is divided
+/// by (health and sight ranges) has a least value for that.
 const MAX_VALUE: f64 = 1e6;
+/// The least health, sight range and size of a unit type.
+pub const MIN_POSITIVE: f64 = 1e-3;
 const MAX_SIZE: f64 = 1024.0;
 const MAX_ATTACKS: u32 = 1000;
 
 pub(crate) const NON_NEGATIVE: Range = Range::closed(0.0, MAX_VALUE);
-const POSITIVE: Range = Range::left_open(0.0, MAX_VALUE);
+const POSITIVE: Range = Range::closed(MIN_POSITIVE, MAX_VALUE);
+
+/// Longer phases of an attack than this have no use.
+const SECONDS: Range = Range::closed(0.0, 60.0);
+const DELAY: Range = Range::closed(-60.0, 60.0);
 
 pub(crate) const HP: Key<Range> = Key::required("hp", POSITIVE, "Maximum and starting health.");
 pub(crate) const SHIELD: Key<Range> =
@@ -108,7 +128,7 @@ pub(crate) const TARGETING_RANGE: Key<Range> = Key::with_default(
      SMACv2's `use_unit_ranges`, in squares.",
 );
 pub(crate) const SIZE: Key<Range> =
-    Key::required("size", Range::left_open(0.0, MAX_SIZE), "Diameter, in squares.");
+    Key::required("size", Range::closed(MIN_POSITIVE, MAX_SIZE), "Diameter, in squares.");
 pub(crate) const PLANE: Key<Word<Plane>> = Key::with_default(
     "plane",
     Word(PhantomData),
@@ -139,6 +159,85 @@ pub(crate) const TARGETER_KWARGS: Key<Shape> = Key::optional(
     "targeter_kwargs",
     Shape { schema: || json!({ "type": "object" }), expected: "an object of parameters of the targeter" },
     "Parameters of the targeter, in squares: `radius` of KAMIKAZE, `width` and `height` of LASER_BEAM.",
+);
+
+// How the unit moves and attacks under rules `starcraft`.
+
+pub(crate) const DAMAGE_POINT: Key<Range> = Key::with_default(
+    "damage_point",
+    SECONDS,
+    0.0,
+    "Under rules `starcraft`: time from the start of an attack to its effect, in seconds.",
+);
+pub(crate) const BACKSWING: Key<Range> = Key::with_default(
+    "backswing",
+    SECONDS,
+    0.0,
+    "Under rules `starcraft`: time after the damage point in which the unit does not walk unless it gets \
+     another order, in seconds.",
+);
+pub(crate) const MIN_RANDOM_DELAY: Key<Range> = Key::with_default(
+    "min_random_delay",
+    DELAY,
+    0.0,
+    "Under rules `starcraft`: the least time that is added, at random, to `cooldown` after each attack, in \
+     seconds.",
+);
+pub(crate) const MAX_RANDOM_DELAY: Key<Range> = Key::with_default(
+    "max_random_delay",
+    DELAY,
+    0.0,
+    "Under rules `starcraft`: the greatest such time, at least `min_random_delay`, in seconds.",
+);
+pub(crate) const RANGE_SLOP: Key<Range> = Key::with_default(
+    "range_slop",
+    NON_NEGATIVE,
+    0.0,
+    "Under rules `starcraft`: an attack that has begun hits a target that is so much farther away than \
+     `attack_range`, in squares.",
+);
+pub(crate) const HIT_INTERVAL: Key<Range> = Key::with_default(
+    "hit_interval",
+    SECONDS,
+    0.0,
+    "Under rules `starcraft`: time between the hits of one attack, in seconds; a new order ends them.",
+);
+pub(crate) const PROJECTILE_SPEED: Key<Range> = Key::with_default(
+    "projectile_speed",
+    NON_NEGATIVE,
+    0.0,
+    "Under rules `starcraft`: speed of what the unit fires, in squares per second; 0 for at once.",
+);
+pub(crate) const EFFECT_DELAY: Key<Range> = Key::with_default(
+    "effect_delay",
+    SECONDS,
+    0.0,
+    "Under rules `starcraft`: time from the damage point to the hits of LASER_BEAM, in seconds.",
+);
+pub(crate) const ACCELERATION: Key<Range> = Key::with_default(
+    "acceleration",
+    NON_NEGATIVE,
+    0.0,
+    "Under rules `starcraft`: acceleration, in squares per second per second; 0 for full speed at once.",
+);
+pub(crate) const TURN_RATE: Key<Range> = Key::with_default(
+    "turn_rate",
+    NON_NEGATIVE,
+    0.0,
+    "Under rules `starcraft`: how fast the unit turns to what it attacks, in degrees per second; 0 for at \
+     once. It walks in any direction at once.",
+);
+pub(crate) const SEPARATION_RADIUS: Key<Range> = Key::optional(
+    "separation_radius",
+    NON_NEGATIVE,
+    "Under rules `starcraft`: radius within which the unit keeps others away, in squares; left out, half of \
+     `size`.",
+);
+pub(crate) const EXPLODES_WHEN_KILLED: Key<Flag> = Key::with_default(
+    "explodes_when_killed",
+    Flag,
+    false,
+    "Under rules `starcraft`: whether a unit with targeter KAMIKAZE also explodes when it is killed.",
 );
 
 pub(crate) const RADIUS: Key<Range> =

@@ -22,5 +22,6 @@ mod standard;
 mod unit_type;
 
 pub use file::{Problem, Problems};
+pub use keys::MIN_POSITIVE;
 pub use kinds::{Attribute, AttributeSet, CombatType, Keyword, Plane, PlaneSet, Targeter};
-pub use unit_type::UnitType;
+pub use unit_type::{Conduct, UnitType};

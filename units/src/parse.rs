@@ -3,7 +3,7 @@
 use crate::file::{Document, Key, MAX_UNIT_BYTES, Node, Object, Problems, Range, Report, Reported};
 use crate::file::{read_text, shown_path};
 use crate::keys::{self, NON_NEGATIVE, TargeterKind};
-use crate::{Attribute, CombatType, Keyword, Targeter, UnitType};
+use crate::{Attribute, CombatType, Conduct, Keyword, Targeter, UnitType};
 use std::path::Path;
 
 /// The attack range that `MELEE` stands for, in squares.
@@ -24,7 +24,7 @@ impl UnitType {
     /// let problems = UnitType::from_json(text, "scout", "scout.json").unwrap_err();
     /// let messages: Vec<String> = problems.list().iter().map(|problem| problem.to_string()).collect();
     /// assert_eq!(messages, [
-    ///     "scout.json:2:24: `size` is 0, but must be a number above 0 and at most 1024",
+    ///     "scout.json:2:24: `size` is 0, but must be a number from 0.001 to 1024",
     ///     "scout.json:2:80: `valid_targets[1]` is \"ARI\", but must be one of GROUND, AIR, COLOSSUS; \
     ///      did you mean `AIR`?",
     /// ]);
@@ -64,6 +64,7 @@ impl UnitType {
         let initial_energy = initial_energy(&file, energy);
         let (bonuses, attack_range) = (bonuses(&file), attack_range(&file));
         let targeter = targeter(&file, combat_type);
+        let conduct = conduct(&file, targeter);
         schema?;
         Ok(UnitType {
             name: name.into(),
@@ -88,6 +89,7 @@ impl UnitType {
             valid_targets: valid_targets?.into_iter().collect(),
             attributes: attributes?.into_iter().collect(),
             targeter: targeter?,
+            conduct: conduct?,
         })
     }
 
@@ -121,6 +123,48 @@ fn initial_energy(file: &Object, energy: Result<f64, Reported>) -> Result<f64, R
         }
         (initial, starting) => Ok(initial?.or(starting?).map_or(0.0, |(value, _)| value)),
     }
+}
+
+/// What rules `starcraft` read.
+fn conduct(file: &Object, targeter: Result<Targeter, Reported>) -> Result<Conduct, Reported> {
+    let number = |key: &Key<Range>| file.read(key);
+    let (damage_point, backswing) = (number(&keys::DAMAGE_POINT), number(&keys::BACKSWING));
+    let (range_slop, hit_interval) = (number(&keys::RANGE_SLOP), number(&keys::HIT_INTERVAL));
+    let (projectile_speed, effect_delay) = (number(&keys::PROJECTILE_SPEED), number(&keys::EFFECT_DELAY));
+    let (acceleration, least) = (number(&keys::ACCELERATION), number(&keys::MIN_RANDOM_DELAY));
+    let turn_rate = number(&keys::TURN_RATE);
+    let separation_radius = file.get(&keys::SEPARATION_RADIUS).map(|node| node.number(NON_NEGATIVE));
+    let explodes_when_killed = match (file.read(&keys::EXPLODES_WHEN_KILLED), targeter) {
+        (Ok(true), Ok(targeter)) if !matches!(targeter, Targeter::Kamikaze { .. }) => {
+            let node = file.require(&keys::EXPLODES_WHEN_KILLED)?;
+            Err(node.invalid("false, because only units with targeter KAMIKAZE explode"))
+        }
+        (explodes, _) => explodes,
+    };
+    let greatest = match (number(&keys::MAX_RANDOM_DELAY), least) {
+        (Ok(greatest), Ok(least)) if greatest < least => {
+            let expected = format!("at least `min_random_delay`, which is {least}");
+            Err(match file.get(&keys::MAX_RANDOM_DELAY) {
+                Some(node) => node.invalid(&expected),
+                None => file.missing(keys::MAX_RANDOM_DELAY.name, &expected),
+            })
+        }
+        (greatest, _) => greatest,
+    };
+    Ok(Conduct {
+        damage_point: damage_point?,
+        backswing: backswing?,
+        min_random_delay: least?,
+        max_random_delay: greatest?,
+        range_slop: range_slop?,
+        hit_interval: hit_interval?,
+        projectile_speed: projectile_speed?,
+        effect_delay: effect_delay?,
+        acceleration: acceleration?,
+        turn_rate: turn_rate?,
+        separation_radius: separation_radius.transpose()?,
+        explodes_when_killed: explodes_when_killed?,
+    })
 }
 
 fn bonuses(file: &Object) -> Result<Vec<(Attribute, f64)>, Reported> {

@@ -19,6 +19,20 @@ const STANDARD: [(&str, &str); 10] = [
     ("ZERGLING", include_str!("../data/ZERGLING.json")),
 ];
 
+/// The same types with the figures of the game, for rules `starcraft`, in the same order.
+const STARCRAFT: [&str; STANDARD.len()] = [
+    include_str!("../data/starcraft/BANELING.json"),
+    include_str!("../data/starcraft/COLOSSUS.json"),
+    include_str!("../data/starcraft/HYDRALISK.json"),
+    include_str!("../data/starcraft/MARAUDER.json"),
+    include_str!("../data/starcraft/MARINE.json"),
+    include_str!("../data/starcraft/MEDIVAC.json"),
+    include_str!("../data/starcraft/SPINE_CRAWLER.json"),
+    include_str!("../data/starcraft/STALKER.json"),
+    include_str!("../data/starcraft/ZEALOT.json"),
+    include_str!("../data/starcraft/ZERGLING.json"),
+];
+
 impl UnitType {
     /// The standard type of that name (`"MARINE"`, in capitals), if there is one.
     pub fn standard(name: &str) -> Option<UnitType> {
@@ -30,6 +44,12 @@ impl UnitType {
     /// The text of the unit file of the standard type of that name, if there is one.
     pub fn standard_file(name: &str) -> Option<&'static str> {
         STANDARD.iter().find(|(standard, _)| *standard == name).map(|(_, text)| *text)
+    }
+
+    /// The standard type of that name with the figures of the game, which rules `starcraft` play.
+    pub fn starcraft(name: &str) -> Option<UnitType> {
+        let index = STANDARD.iter().position(|(standard, _)| *standard == name)?;
+        UnitType::from_json(STARCRAFT[index], name, &format!("units/data/starcraft/{name}.json")).ok()
     }
 
     /// The names of the standard types, in alphabetical order.

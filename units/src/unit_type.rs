@@ -51,12 +51,49 @@ pub struct UnitType {
     pub attributes: AttributeSet,
     /// What its attack does; `Heal` exactly when `combat_type` is `Healing`.
     pub targeter: Targeter,
+    /// How it moves and attacks under rules `starcraft`; the other rules take no notice.
+    pub conduct: Conduct,
+}
+
+/// How a unit type moves and attacks under rules `starcraft`. The default is what the other rules mean:
+/// attacks take effect at once, units reach their speed at once, and their bodies are as large as they look.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Conduct {
+    /// Time from the start of an attack to its effect.
+    pub damage_point: f64,
+    /// Time after that in which the unit does not walk without a new order.
+    pub backswing: f64,
+    /// The least time that is added, at random, to the time between two attacks; it may be below 0.
+    pub min_random_delay: f64,
+    /// The greatest such time.
+    pub max_random_delay: f64,
+    /// An attack that has begun hits a target that is so much farther away than the attack range.
+    pub range_slop: f64,
+    /// Time between the hits of one attack; 0 if they are one.
+    pub hit_interval: f64,
+    /// Speed of what the unit fires, in squares per second; 0 if it hits at once.
+    pub projectile_speed: f64,
+    /// Time from the damage point to the hit of an area.
+    pub effect_delay: f64,
+    /// Acceleration in squares per second per second; 0 for at once.
+    pub acceleration: f64,
+    /// How fast the unit turns to what it attacks, in degrees per second; 0 for at once.
+    pub turn_rate: f64,
+    /// How far units keep apart, as a radius; `None` for half of the size.
+    pub separation_radius: Option<f64>,
+    /// Whether a unit with the targeter `Kamikaze` also explodes when it is killed.
+    pub explodes_when_killed: bool,
 }
 
 impl UnitType {
     /// Half of [`size`](Self::size), in squares.
     pub fn radius(&self) -> f64 {
         self.size / 2.0
+    }
+
+    /// The greatest time between two attacks, in seconds.
+    pub fn greatest_cooldown(&self) -> f64 {
+        self.cooldown + f64::max(0.0, self.conduct.max_random_delay)
     }
 
     /// Whether units of this type heal instead of attacking.

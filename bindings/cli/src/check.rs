@@ -198,7 +198,7 @@ mod tests {
         check("{\"groups\": 3}", Some(Kind::Scenario), name);
         // A scenario without its most important key is still one.
         check("{\"attack_point\": 3, \"grups\": 3}", Some(Kind::Scenario), name);
-        let hp = "1:1: `hp` is missing; it must be a number above 0 and at most 1000000";
+        let hp = "1:1: `hp` is missing; it must be a number from 0.001 to 1000000";
         check("{}", Some(Kind::Unit), hp);
     }
 }

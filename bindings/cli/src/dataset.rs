@@ -48,9 +48,10 @@ enum Action {
 }
 
 #[derive(Args)]
+#[command(group(clap::ArgGroup::new("amount").required(true).args(["steps", "episodes"])))]
 struct Record {
-    /// Folder of a run of `smaclite-pool train`, or a scripted policy: random, nearest, focus_fire, kite,
-    /// hold, line, flank, escort or spread
+    /// Folder of a run of `smaclite-pool train`, a team of the zoo as zoo:SCENARIO, or a scripted policy:
+    /// random, nearest, focus_fire, kite, hold, line, flank, escort or spread
     #[arg(add = completions::player())]
     source: String,
     /// Weights of a run by its evaluations: good, medium, poor, or replay, which is all of them in turn
@@ -58,8 +59,7 @@ struct Record {
     #[arg(long)]
     quality: Option<Quality>,
     /// Number of steps: the last episode that is needed for them is whole
-    #[arg(long, value_name = "N", required_unless_present = "episodes", conflicts_with = "episodes",
-        value_parser = count(1..=1_000_000_000))]
+    #[arg(long, value_name = "N", value_parser = count(1..=1_000_000_000))]
     steps: Option<usize>,
     /// Number of episodes
     #[arg(long, value_name = "N", value_parser = count(1..=100_000_000))]

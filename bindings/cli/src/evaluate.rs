@@ -15,7 +15,7 @@ use std::sync::atomic::Ordering;
 
 #[derive(Args)]
 pub(super) struct Evaluate {
-    /// Folder of a run of `smaclite-pool train`
+    /// Folder of a run of `smaclite-pool train`, or a team of the zoo as zoo:SCENARIO
     folder: PathBuf,
     /// Number of episodes, 1 to 1000000: of each of up to 64 environments the first ones
     #[arg(long, default_value_t = 200, value_name = "N", value_parser = count(1..=1_000_000))]
@@ -25,8 +25,8 @@ pub(super) struct Evaluate {
     seed: u64,
     /// Who plays the enemies: attack_move, attack_nearest or a scripted policy; or several with weights,
     /// such as attack_move=0.5,focus_fire=0.5, of which each episode draws one; or the folder of another
-    /// run, whose team plays them [default: the scripts of the training; attack_move if a team played the
-    /// enemies]
+    /// run or zoo:SCENARIO, whose team plays them [default: the scripts of the training; attack_move if a
+    /// team played the enemies]
     #[arg(long, value_name = "NAME|WEIGHTS|FOLDER")]
     opponent: Option<OpponentOption>,
     /// Which weights play: best (of the best evaluation, if the run was evaluated) or last [default: best, if

@@ -137,9 +137,11 @@ enum Command {
 pub type HostVersion = (&'static str, String);
 
 /// Runs the program with these arguments, the first of which is the program's name or path, and returns its
-/// exit status: 0 for success, 1 for failure, 2 for wrong usage. `host` is what it runs in, as Python.
+/// exit status: 0 for success, 1 for failure, 2 for wrong usage, 128 + the signal's number for a command that
+/// SIGINT or SIGTERM ended before it was complete. `host` is what it runs in, as Python.
 pub fn run(args: impl IntoIterator<Item = OsString>, host: &[HostVersion]) -> i32 {
     report_large_files();
+    process::forget_signals();
     let args: Vec<OsString> = args.into_iter().collect();
     let status = run_args(&args, host);
     // Within Python, an unfinished line would be lost at the end of the process.
@@ -166,14 +168,13 @@ fn run_args(args: &[OsString], host: &[HostVersion]) -> i32 {
         }
     };
     log_to_stderr(cli.log);
-    match cli.command.run(&args[0], host) {
-        Ok(()) => 0,
-        Err(error) if is_broken_pipe(error.as_ref()) => 0, // `smaclite-pool scenarios | head`
-        Err(error) => {
-            eprintln!("smaclite-pool: {}", without_os_errors(&printable_text(&error.to_string())));
-            1
-        }
+    let Err(error) = cli.command.run(&args[0], host) else { return 0 };
+    let is_closed = is_broken_pipe(error.as_ref()); // `smaclite-pool scenarios | head`
+    if !is_closed && !error.is::<process::Interrupted>() {
+        eprintln!("smaclite-pool: {}", without_os_errors(&printable_text(&error.to_string())));
     }
+    let otherwise = if is_closed { 0 } else { 1 };
+    process::received_signal().map_or(otherwise, |signal| 128 + signal)
 }
 
 impl Command {

@@ -149,10 +149,15 @@ fn environments(lane: &LaneStatus) -> String {
 }
 
 fn learner(lane: &LaneStatus) -> String {
-    match (&lane.failure, lane.learner_pid) {
-        (Some(_), _) => "failed".to_owned(),
-        (None, Some(pid)) => format!("process {pid}"),
-        (None, None) => "none".to_owned(),
+    let process = |pid: Option<u32>| pid.map_or("none".to_owned(), |pid| format!("process {pid}"));
+    let has_sides = lane.missing_side.is_some() || lane.enemy_learner_pid.is_some();
+    match &lane.failure {
+        Some(_) => "failed".to_owned(),
+        None if has_sides => {
+            let (allies, enemies) = (process(lane.learner_pid), process(lane.enemy_learner_pid));
+            format!("allies: {allies}, enemies: {enemies}")
+        }
+        None => process(lane.learner_pid),
     }
 }
 

@@ -7,9 +7,9 @@ use clap::{Args, Subcommand};
 use serde_json::json;
 use smaclite_scenarios::{Faction, MAX_UNITS, Problems, Scenario};
 use smaclite_units::UnitType;
-use smaclite_units::file::shown_path;
+use smaclite_units::file::{shown_path, write_new};
 use std::error::Error;
-use std::io::{ErrorKind, Write};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
@@ -52,11 +52,11 @@ struct NewScenario {
     /// name of a unit file beside FILE
     #[arg(long, value_name = "UNITS", default_value = "3xMARINE", value_delimiter = ',')]
     agents: Vec<UnitCount>,
-    /// The enemies, written like the agents
-    #[arg(long, value_name = "UNITS", default_value = "3xMARINE", value_delimiter = ',')]
+    /// The enemies, written like the agents [default: 3xMARINE]
+    #[arg(long, value_name = "UNITS", value_delimiter = ',')]
     enemies: Vec<UnitCount>,
-    /// Draw the teams and start positions of each episode: as many units as the counts say in sum, of the
-    /// types of the agents, with their counts as weights
+    /// Draw the teams and start positions of each episode: as many units as the counts say in sum, both teams
+    /// of the types of the agents, with their counts as weights
     #[arg(long)]
     generated: bool,
 }
@@ -98,13 +98,20 @@ impl FromStr for UnitCount {
 
 impl New {
     pub(super) fn run(self) -> CommandResult {
-        let (file, text) = match &self.kind {
-            Kind::Scenario(new) => (&new.file, new.text()?),
-            Kind::Unit(new) => (&new.file, new.text()?.to_owned()),
+        let (file, text) = match self.kind {
+            Kind::Scenario(new) => {
+                let new = new.with_enemies()?;
+                let text = new.text()?;
+                (new.file, text)
+            }
+            Kind::Unit(new) => {
+                let text = new.text()?.to_owned();
+                (new.file, text)
+            }
         };
-        write(file, &text)?;
-        let (_, content) = check::read(file);
-        out!("wrote {}: {}", shown_path(file), content?)?;
+        write(&file, &text)?;
+        let (_, content) = check::read(&file);
+        out!("wrote {}: {}", shown_path(&file), content?)?;
         Ok(())
     }
 }
@@ -117,15 +124,13 @@ pub(crate) fn default_scenario(name: &str) -> String {
     new.with_shields(name, [false; 2])
 }
 
-/// Writes a file that does not exist.
+/// Writes a file that does not exist, whole or not at all.
 fn write(file: &Path, text: &str) -> CommandResult {
     let refused = |error: std::io::Error| match error.kind() {
         ErrorKind::AlreadyExists => format!("{}: exists; FILE must be a new file", shown_path(file)),
         _ => format!("{}: {error}", shown_path(file)),
     };
-    let mut new = std::fs::File::create_new(file).map_err(refused)?;
-    new.write_all(text.as_bytes()).map_err(refused)?;
-    Ok(())
+    Ok(write_new(file, |output| output.write_all(text.as_bytes())).map_err(refused)?)
 }
 
 /// The name of the file without `.json`.
@@ -148,6 +153,27 @@ impl NewUnit {
 }
 
 impl NewScenario {
+    /// The same with three marines as enemies where none are named.
+    ///
+    /// Both teams of a generated scenario are drawn from the types of the agents: others of the enemies
+    /// would be left out without a word.
+    fn with_enemies(mut self) -> Result<NewScenario, String> {
+        let is_drawn = |unit: &UnitCount| self.agents.iter().any(|agent| agent.unit_type == unit.unit_type);
+        if let Some(other) = self.enemies.iter().find(|unit| self.generated && !is_drawn(unit)) {
+            let types: Vec<_> = counted(&self.agents).into_iter().map(|unit| unit.unit_type).collect();
+            return Err(format!(
+                "--enemies has {}, but --generated draws both teams from the types of --agents: {}; name it \
+                 there, or write the key `teams` of the file yourself",
+                other.unit_type,
+                types.join(", ")
+            ));
+        }
+        if self.enemies.is_empty() {
+            self.enemies = vec![UnitCount { count: 3, unit_type: "MARINE".into() }];
+        }
+        Ok(self)
+    }
+
     /// The text of the file, which was read as a scenario.
     fn text(&self) -> Result<String, Box<dyn Error>> {
         let name = stem(&self.file)?;

@@ -48,7 +48,7 @@ impl FromStr for OpponentOption {
 }
 
 #[derive(Args, Clone, Copy)]
-#[group(id = "self_play", multiple = true, conflicts_with = "resume", requires = "opponent")]
+#[group(id = "self_play", multiple = true, conflicts_with = "resume")]
 #[command(next_help_heading = "Self-play (docs/how-to/self-play.md)")]
 pub(super) struct SelfPlayOptions {
     /// With self or league: share of the episodes in which attack_move plays the enemies, 0 to 0.9

@@ -28,7 +28,8 @@ pub(super) struct Play {
     /// Seed of the first battle; each later one has the next number
     #[arg(long, default_value_t = 0, value_parser = seed())]
     seed: u64,
-    /// Rules of the battles: smaclite (as the published environment plays) or paper (as its paper describes)
+    /// Rules of the battles: smaclite (as the published environment plays), paper (as its paper describes) or
+    /// starcraft (nearer to the real battles)
     #[arg(long, default_value = "smaclite")]
     rules: Rules,
     #[command(flatten)]
@@ -37,6 +38,13 @@ pub(super) struct Play {
 
 impl Play {
     pub(super) fn run(self) -> CommandResult {
+        if let Some(of_team) = self.scenario.strip_prefix("zoo:") {
+            let team = &self.scenario;
+            let text = format!(
+                "`{team}` is a team; to play against it: smaclite-pool play {of_team} --against {team}"
+            );
+            return Err(text.into());
+        }
         let setup = resolve_scenario(&self.scenario, self.rules)?;
         warn_of(&setup.files);
         let page = match self.against {

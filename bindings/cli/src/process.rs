@@ -3,8 +3,8 @@
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 use std::process::{Child, Command, ExitStatus, Stdio};
-use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, LazyLock};
 
 /// A second process, which is terminated (SIGTERM) and waited for when this is dropped.
 pub struct SecondProcess(Child);
@@ -42,6 +42,26 @@ impl Drop for SecondProcess {
     }
 }
 
+/// The signal that a flag of [`interrupt_flag`] was set by last; 0 for none.
+static RECEIVED: LazyLock<Arc<AtomicUsize>> = LazyLock::new(Arc::default);
+
+/// A command was ended by a signal before it was complete, and has said so.
+#[derive(Debug, thiserror::Error)]
+#[error("interrupted")]
+pub(crate) struct Interrupted;
+
+/// The number of the signal that interrupted a command of this run of the program. A command that fails after
+/// it has the exit status 128 + this number, as a program has that the signal ends by itself.
+pub(crate) fn received_signal() -> Option<i32> {
+    // The handlers publish nothing but the number.
+    i32::try_from(RECEIVED.load(Ordering::Relaxed)).ok().filter(|signal| *signal > 0)
+}
+
+/// Forgets the signal of an earlier run of the program in this process, as from Python.
+pub(crate) fn forget_signals() {
+    RECEIVED.store(0, Ordering::Relaxed);
+}
+
 /// A flag that SIGINT and SIGTERM set. With it a command ends its pools before the program ends; otherwise
 /// files would remain in shared memory.
 ///
@@ -50,7 +70,7 @@ impl Drop for SecondProcess {
 pub fn interrupt_flag() -> std::io::Result<Arc<AtomicBool>> {
     let flag = Arc::new(AtomicBool::new(false));
     for signal in [SIGINT, SIGTERM] {
-        signal_hook::flag::register(signal, Arc::clone(&flag))?;
+        set_on(signal, &flag)?;
     }
     Ok(flag)
 }
@@ -65,9 +85,16 @@ pub fn interrupt_flag_once() -> std::io::Result<Arc<AtomicBool>> {
     for signal in [SIGINT, SIGTERM] {
         // In this order: the first signal finds the flag clear.
         signal_hook::flag::register_conditional_shutdown(signal, 128 + signal, Arc::clone(&flag))?;
-        signal_hook::flag::register(signal, Arc::clone(&flag))?;
+        set_on(signal, &flag)?;
     }
     Ok(flag)
+}
+
+fn set_on(signal: i32, flag: &Arc<AtomicBool>) -> std::io::Result<()> {
+    // The number first: who sees the flag finds it.
+    signal_hook::flag::register_usize(signal, Arc::clone(&RECEIVED), signal as usize)?;
+    signal_hook::flag::register(signal, Arc::clone(flag))?;
+    Ok(())
 }
 
 /// Blocks until SIGINT or SIGTERM arrives. For second processes.

@@ -1,13 +1,13 @@
 //! `smaclite-pool record`: battles of a scripted policy, or of a running pool, as a replay file.
 
-use super::process::interrupt_flag;
+use super::process::{Interrupted, interrupt_flag};
 use super::snapshot::SavedBattle;
 use super::{CommandResult, completions, replay, runtime_dir};
 use crate::check::warn_of;
 use crate::number::{count, seed};
 use clap::Args;
 use smaclite_engine::policy::{Scripted, UnknownPolicy};
-use smaclite_engine::{BattleSetup, Generator, Opponents, Rules, Snapshot};
+use smaclite_engine::{BattleSetup, Generator, Opponent, Opponents, Rules, Sides, Snapshot};
 use smaclite_ipc::{ClientError, ControlSocketError, WaitOptions};
 use smaclite_learn::resolve_scenario;
 use smaclite_pool::MAX_ENVS;
@@ -50,7 +50,7 @@ pub(super) struct Record {
     policy: String,
     /// Who plays the enemies: attack_move, attack_nearest or a scripted policy; or several with weights, such
     /// as attack_move=0.5,focus_fire=0.5, of which each episode draws one [default: attack_move]
-    #[arg(long, conflicts_with_all = ["pool", "from"], value_name = "NAME|WEIGHTS")]
+    #[arg(long, conflicts_with = "pool", value_name = "NAME|WEIGHTS")]
     opponent: Option<Opponents>,
     /// Number of complete episodes, 1 to 10000
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = count(1..=10_000))]
@@ -58,7 +58,8 @@ pub(super) struct Record {
     /// Seed of the battle and of the policy `random` [default: 0]
     #[arg(long, value_parser = seed())]
     seed: Option<u64>,
-    /// Rules of the battles: smaclite (as the published environment plays) or paper (as its paper describes)
+    /// Rules of the battles: smaclite (as the published environment plays), paper (as its paper describes) or
+    /// starcraft (nearer to the real battles)
     #[arg(long, default_value = "smaclite")]
     rules: Rules,
     /// The replay file, NAME.smreplay; a file of that name is replaced
@@ -72,11 +73,12 @@ const READ_INTERVAL: Duration = Duration::from_millis(50);
 impl Record {
     pub(super) fn run(self) -> CommandResult {
         replay::check_suffix("--out", &self.out)?;
-        let recorded = match &self.pool {
+        let (recorded, is_interrupted) = match &self.pool {
             Some(pool) => self.follow(pool)?,
-            None => self.play()?,
+            None => (self.play()?, false),
         };
-        replay::print_recorded(&recorded, &self.out)
+        replay::print_recorded(&recorded, &self.out)?;
+        if is_interrupted { Err(Interrupted.into()) } else { Ok(()) }
     }
 
     /// Plays and writes the episodes of a scripted policy.
@@ -114,7 +116,8 @@ impl Record {
             let opponents = self.opponent.clone().unwrap_or_else(|| setup.opponents.clone());
             return Ok((BattleSetup { opponents, ..setup }, None));
         };
-        let SavedBattle { setup, arena, mut snapshot, .. } = SavedBattle::read(from, scenario)?;
+        let saved = self.with_opponent(SavedBattle::read(from, scenario)?)?;
+        let SavedBattle { setup, arena, mut snapshot, .. } = saved;
         if snapshot.is_over(&arena) {
             return Err(format!("`{}`: the battle is over; nothing can be recorded", from.display()).into());
         }
@@ -124,8 +127,25 @@ impl Record {
         Ok((setup, Some(snapshot)))
     }
 
-    /// Follows environments of a running pool, and writes what they did also if the pool ends.
-    fn follow(&self, pool: &str) -> Result<Replay, Box<dyn Error>> {
+    /// Who plays the enemies from the snapshot on: who is named, or who did; but a learner cannot go on
+    /// here, so that the scenario's own opponent takes its place.
+    fn with_opponent(&self, saved: SavedBattle) -> Result<SavedBattle, Box<dyn Error>> {
+        let own = || Opponents::of(&saved.setup.files, Sides::Allies);
+        let opponents = match &self.opponent {
+            Some(named) => named.clone(),
+            None if saved.snapshot.opponent == Opponent::Learner => own(),
+            None => return Ok(saved),
+        };
+        opponents.check(Sides::Allies)?;
+        match opponents.weights() {
+            [(opponent, _)] => Ok(saved.against(*opponent)?),
+            _ => Err("--opponent must be one opponent beside --from, not several".into()),
+        }
+    }
+
+    /// Follows environments of a running pool, and writes what they did also if the pool ends, or a signal
+    /// ends the recording, which is the second value.
+    fn follow(&self, pool: &str) -> Result<(Replay, bool), Box<dyn Error>> {
         let interrupted = interrupt_flag()?;
         let env_ids = if self.env.is_empty() { &[0][..] } else { &self.env };
         let mut is_interrupted = || interrupted.load(Ordering::Relaxed);
@@ -149,12 +169,13 @@ impl Record {
                 recorder.n_missing()
             );
         }
+        let is_interrupted = !is_complete(&recorder) && interrupted.load(Ordering::Relaxed);
         let recorded = recorder.replay(!is_complete(&recorder))?;
         if recorded.episodes().is_empty() {
             return Err("no episode began while the pool was recorded".into());
         }
         recorded.write(&self.out)?;
-        Ok(recorded)
+        Ok((recorded, is_interrupted))
     }
 }
 

@@ -4,17 +4,21 @@ use super::{CommandResult, THREADS, completions, megabytes, runtime_dir};
 use crate::check::warn_of;
 use crate::number::{count, seed, whole};
 use clap::Args;
+use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use serde_json::Value;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
-use smaclite_engine::{BattleSetup, EnemySide, EpisodeLimit, Opponents, Rules, Sides};
+use smaclite_engine::{BattleSetup, EnemySide, EpisodeLimit, Rules, Sides};
 use smaclite_ipc::{
-    LaneConfig, RuntimeDir, StartError, Supervisor, SupervisorConfig, WaitStrategy, check_name,
+    LaneConfig, LaneEnvs, RuntimeDir, StartError, Supervisor, SupervisorConfig, WaitStrategy, check_name,
 };
+use smaclite_learn::LaneOpponents;
 use smaclite_pool::fields::FieldSet;
 use smaclite_pool::{Autoreset, MAX_ENVS, MAX_LAST_ACTIONS, PoolOptions};
 use smaclite_scenarios::ScenarioFiles;
+use smaclite_units::file::shortened;
 use std::error::Error;
+use std::hash::{BuildHasher, RandomState};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  smaclite-pool serve 2s3z:64 --name train\n  \
@@ -36,23 +40,25 @@ pub(super) struct Serve {
     /// Environments per batch; fewer than the lane has means asynchronous stepping [default: all of the lane]
     #[arg(long, value_name = "M", value_parser = count(1..=MAX_ENVS))]
     batch_size: Option<usize>,
-    /// Environment i of every lane is seeded with SEED + i
-    #[arg(long, default_value_t = 0, value_parser = seed())]
-    seed: u64,
-    /// What happens at the end of an episode: next_step, same_step or disabled
-    #[arg(long, default_value = "next_step", value_name = "MODE")]
-    autoreset: Autoreset,
-    /// Rules of the battles: smaclite (as the published environment plays) or paper (as its paper describes)
+    /// Environment i of the pool is seeded with SEED + i; they are numbered through all lanes [default: a
+    /// random seed, which `status --json` has]
+    #[arg(long, value_parser = seed())]
+    seed: Option<u64>,
+    /// What happens at the end of an episode: NextStep, SameStep or Disabled
+    #[arg(long, default_value = "NextStep", value_name = "MODE")]
+    autoreset_mode: Autoreset,
+    /// Rules of the battles: smaclite (as the published environment plays), paper (as its paper describes) or
+    /// starcraft (nearer to the real battles)
     #[arg(long, default_value = "smaclite")]
     rules: Rules,
     /// Steps after which an episode is truncated, or `none` for no limit [default: the scenario's limit]
     #[arg(long, value_name = "STEPS", value_parser = episode_limit)]
     episode_limit: Option<EpisodeLimit>,
-    /// Who plays the enemies: attack_move, attack_nearest or a scripted policy; or several with weights, such
-    /// as attack_move=0.5,focus_fire=0.5, of which each episode draws one [default: attack_move; with --sides
-    /// both: learner]
-    #[arg(long, value_name = "NAME|WEIGHTS")]
-    opponent: Option<Opponents>,
+    /// Who plays the enemies: attack_move, attack_nearest, a scripted policy, or a trained team, as zoo:3m or
+    /// by the folder of its run; or several with weights, such as attack_move=0.5,focus_fire=0.5, of which
+    /// each episode draws one [default: attack_move; with --sides both: learner]
+    #[arg(long, value_name = "NAME|FOLDER|WEIGHTS", add = completions::player())]
+    opponent: Option<LaneOpponents>,
     /// A key of the scenario files with another value, as JSON: `--set 'smacv2={"prob_obs_enemy": 0.5}'`;
     /// null removes a key, and options of smacv2 are added to those of the file. For all lanes
     #[arg(long, value_name = "KEY=JSON", value_parser = key_and_value)]
@@ -100,9 +106,19 @@ fn episode_limit(text: &str) -> Result<EpisodeLimit, InvalidEpisodeLimit> {
 /// Environments of a lane without a number.
 const DEFAULT_ENVS: usize = 64;
 
+/// Raises the limit on file descriptors as far as this user may. The low limit that shells set is for
+/// programs that call `select`, which this one does not and the process of a learner may, so the library
+/// leaves it alone.
+fn use_all_descriptors() {
+    let limit = getrlimit(Resource::Nofile);
+    // If it is refused, the limit stays, and an error names it where it is too low.
+    let _ = setrlimit(Resource::Nofile, Rlimit { current: limit.maximum, ..limit });
+}
+
 impl Serve {
     pub(super) fn run(self) -> CommandResult {
         let prepared = self.config(runtime_dir()?)?.prepare()?;
+        use_all_descriptors();
         // So far, a signal ends the program at once. From here on there are files to remove first.
         let mut signals = Signals::new([SIGINT, SIGTERM])?;
         let started = Supervisor::start_prepared(prepared, &mut || signals.pending().next().is_some());
@@ -117,7 +133,13 @@ impl Serve {
     }
 
     fn config(&self, runtime_dir: RuntimeDir) -> Result<SupervisorConfig, Box<dyn Error>> {
-        let lanes = self.lanes.iter().map(|lane| self.lane(lane)).collect::<Result<Vec<_>, _>>()?;
+        let mut lanes = self.lanes.iter().map(|lane| self.lane(lane)).collect::<Result<Vec<_>, _>>()?;
+        // Two lanes of one scenario must not play the same battles.
+        let mut next_seed = self.seed.unwrap_or_else(random_seed);
+        for lane in &mut lanes {
+            lane.settings.seed = next_seed;
+            next_seed = next_seed.wrapping_add(lane.settings.num_envs as u64);
+        }
         let threads = self.threads.unwrap_or(PoolOptions::for_other_processes().threads);
         let options = PoolOptions { threads, wait: self.wait };
         Ok(SupervisorConfig { name: self.name.clone(), lanes, options, runtime_dir })
@@ -148,12 +170,16 @@ impl Serve {
         let episode_limit = self.episode_limit.unwrap_or_default();
         let sides = Sides::new(&self.sides, EnemySide { mirror: self.mirror, zero_sum: self.zero_sum })?;
         sides.check(&scenario)?;
-        let opponents = self.opponent.clone().unwrap_or_else(|| Opponents::of(&files, sides));
-        let setup = BattleSetup { files, rules: self.rules, episode_limit, opponents, sides };
-        let mut lane = LaneConfig::new(name, setup, num_envs);
+        let setup = BattleSetup::new(files).with_sides(sides);
+        let setup = BattleSetup { rules: self.rules, episode_limit, ..setup };
+        let (setup, team) = match self.opponent.clone() {
+            Some(opponents) => opponents.open(setup).map_err(|error| format!("lane `{text}`: {error}"))?,
+            None => (setup, None),
+        };
+        let mut lane = LaneConfig::new(name, setup.clone(), num_envs);
+        lane.envs = LaneEnvs::Battle { setup, team };
         lane.settings.batch_size = self.batch_size.unwrap_or(num_envs);
-        lane.settings.seed = self.seed;
-        lane.settings.autoreset = self.autoreset;
+        lane.settings.autoreset = self.autoreset_mode;
         lane.settings.obs_last_actions = self.obs_last_actions;
         lane.settings.obs_agent_id = self.obs_agent_id;
         if let Some(names) = &self.fields {
@@ -165,10 +191,23 @@ impl Serve {
     }
 }
 
+/// 53 random bits, which a number of JSON can have. The hash map's keys are random in every process.
+fn random_seed() -> u64 {
+    RandomState::new().hash_one(0) >> 11
+}
+
 /// A key and its value.
 fn key_and_value(text: &str) -> Result<(String, Value), String> {
     let (key, value) = text.split_once('=').ok_or("must be KEY=JSON")?;
-    let value = serde_json::from_str(value).map_err(|e| format!("the value of `{key}` must be JSON: {e}"))?;
+    let value = serde_json::from_str(value).map_err(|_| {
+        let name = shortened(value);
+        let example = match key {
+            "start_positions" | "teams" => format!(r#"{key}={{"distribution":"{name}"}}"#),
+            "smacv2" | "rewards" => format!(r#"{key}={{"reward_win":100}}"#),
+            _ => format!(r#"{key}="{name}""#),
+        };
+        format!("the value of `{key}` must be JSON, got `{name}`; as an example: --set '{example}'")
+    })?;
     Ok((key.to_owned(), value))
 }
 

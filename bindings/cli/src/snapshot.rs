@@ -2,10 +2,11 @@
 
 use super::table::Table;
 use smaclite_engine::{
-    Arena, BattleSetup, Column, RecordLayout, RecordSizes, Rules, Snapshot, SnapshotError,
+    Arena, BattleSetup, Column, EnemySide, Opponent, RecordLayout, RecordSizes, Rules, Sides, Snapshot,
+    SnapshotError,
 };
 use smaclite_learn::resolve_scenario;
-use smaclite_scenarios::{Faction, Scenario, ScenarioError};
+use smaclite_scenarios::{Faction, Placement, Scenario, ScenarioError};
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -62,10 +63,26 @@ impl SavedBattle {
         let bytes = read_bytes(path)?;
         let damaged = |source| SavedBattleError::Snapshot { path: path.to_owned(), source };
         let layout = RecordLayout::of(&bytes).map_err(damaged)?;
-        let (setup, scenario, arena) = find_scenario(path, &layout, &bytes, scenario)?;
+        let rules = layout.rules(&bytes).map_err(damaged)?;
+        let (setup, mut scenario, arena) = find_scenario(path, &layout, &bytes, rules, scenario)?;
         let mut snapshot = Snapshot::default();
         let n_past = layout.sizes().n_past;
         snapshot.read_record(&arena, n_past, &bytes, &mut Vec::new()).map_err(damaged)?;
+        // The units of this episode, of which those of a generated scenario are one sample.
+        for (unit, unit_type) in scenario.units.iter_mut().zip(&snapshot.types) {
+            unit.unit_type = *unit_type as usize;
+        }
+        Ok(SavedBattle { setup, scenario, arena, snapshot })
+    }
+
+    /// The same battle with enemies that a script plays from now on.
+    pub(super) fn against(self, opponent: Opponent) -> Result<SavedBattle, SavedBattleError> {
+        let SavedBattle { setup, scenario, mut snapshot, .. } = self;
+        let setup = BattleSetup { opponents: opponent.into(), sides: Sides::Allies, ..setup };
+        let (_, arena) = setup.arena().map_err(ScenarioError::from)?;
+        snapshot.opponent = opponent;
+        // No joint action of one side plays enemies.
+        snapshot.last_actions[scenario.n_agents()..].fill(None);
         Ok(SavedBattle { setup, scenario, arena, snapshot })
     }
 
@@ -76,7 +93,9 @@ impl SavedBattle {
         out!("{}: rules {}, opponent {}", scenario.name, setup.rules, snapshot.opponent.name())?;
         out!("step {}, return {:.2}{end}\n", snapshot.episode_length, snapshot.episode_return)?;
         let mut table = Table::new(&["unit", "type", "x", "y", "health", "shield", "energy", "cooldown"]);
-        for (id, unit) in scenario.units.iter().enumerate() {
+        let mut units: Vec<(usize, &Placement)> = scenario.units.iter().enumerate().collect();
+        units.sort_by_key(|(_, unit)| (unit.faction == Faction::Enemy, unit.id_in_faction));
+        for (id, unit) in units {
             let unit_type = &scenario.unit_types[unit.unit_type];
             let faction = if unit.faction == Faction::Ally { "agent" } else { "enemy" };
             let units = &snapshot.units;
@@ -113,12 +132,18 @@ fn read_bytes(path: &Path) -> Result<Vec<u8>, SavedBattleError> {
     Ok(bytes)
 }
 
-/// The scenario and the rules whose hash the snapshot has; for a named scenario of another hash the one with
-/// the default rules, by which reading the snapshot says what differs.
+/// Whether joint actions play both sides of the battle of a record.
+fn has_two_sides(layout: &RecordLayout, bytes: &[u8]) -> bool {
+    layout.column(bytes, Column::Opponent) == (Opponent::Learner.index() as u32).to_le_bytes()
+}
+
+/// The scenario whose hash the snapshot has with these rules; a named scenario of another hash, too, by which
+/// reading the snapshot says what differs.
 fn find_scenario(
     path: &Path,
     layout: &RecordLayout,
     bytes: &[u8],
+    rules: Rules,
     named: Option<&str>,
 ) -> Result<(BattleSetup, Scenario, Arena), SavedBattleError> {
     let hash = layout.column(bytes, Column::Scenario).iter().rev();
@@ -130,15 +155,17 @@ fn find_scenario(
     );
     let mut other = None;
     for name in names {
-        for rules in [Rules::Paper, Rules::Smaclite] {
-            let setup = resolve_scenario(name, rules)?;
-            let (scenario, arena) = setup.arena().map_err(ScenarioError::from)?;
-            let found = (setup, scenario, arena);
-            if found.2.scenario_hash() == hash {
-                return Ok(found);
-            }
-            other = Some(found);
+        let setup = resolve_scenario(name, rules)?;
+        let setup = match has_two_sides(layout, bytes) {
+            true => setup.with_sides(Sides::Both(EnemySide::default())),
+            false => setup,
+        };
+        let (scenario, arena) = setup.arena().map_err(ScenarioError::from)?;
+        let found = (setup, scenario, arena);
+        if found.2.scenario_hash() == hash {
+            return Ok(found);
         }
+        other = Some(found);
     }
     let unknown = SavedBattleError::UnknownScenario { path: path.to_owned(), hash, n_agents, n_enemies };
     other.filter(|_| named.is_some()).ok_or(unknown)

@@ -18,9 +18,9 @@ Examples:
   smaclite-pool verify-run runs/2s3z
   smaclite-pool verify-run runs/ten --evaluations all
 
-The weights and the seeds of every evaluation are in the folder of a run, so its numbers can be checked
-to the last bit on a CPU with the same vector instructions (docs/how-to/evaluation.md).
-Exit status 1 if one differs.")]
+The weights and the seeds of every evaluation are in the folder of a run, so its numbers can be checked \
+to the last bit on a CPU with the same vector instructions (docs/how-to/evaluation.md). Exit status 1 if \
+one differs.")]
 pub(super) struct VerifyRun {
     /// Folders of runs of `smaclite-pool train --evaluate-every`, or of its --seeds
     #[arg(required = true, value_name = "FOLDER")]

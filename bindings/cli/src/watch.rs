@@ -12,7 +12,7 @@ use smaclite_ipc::{ControlError, status};
 #[command(after_help = "Examples:\n  smaclite-pool watch train --open\n  \
     smaclite-pool watch train --lane hard --port 8000\n\n\
     From another machine: ssh -L 8000:127.0.0.1:8000 HOST, then open the printed URL here.\n\n\
-    Open pages find a program that is started again with the same --port and, in the environment variable\n\
+    Open pages find a program that is started again with the same --port and, in the environment variable \
     SMACLITE_POOL_TOKEN, the same token of at least 32 letters and digits.")]
 pub(super) struct Watch {
     /// Name of the pool [default: the only one that runs]

@@ -3,7 +3,8 @@
 use super::CommandResult;
 use super::table::Table;
 use clap::Args;
-use smaclite_learn::zoo_cards;
+use smaclite_learn::{export_zoo_team, zoo_cards};
+use std::path::Path;
 
 #[derive(Args)]
 #[command(after_help = "\
@@ -12,6 +13,8 @@ no evaluations and no checkpoint, so report, verify-run and train --resume do no
   smaclite-pool evaluate zoo:2s3z
   smaclite-pool tournament zoo:3m attack_move kite
   smaclite-pool play 8m --against zoo:8m --open
+With --export, its files are written to a folder, which the playground opens, too:
+  smaclite-pool zoo --export 3m teams/3m
 
 Teams were trained by the default configuration for two million steps; wins are
 those of the final evaluation.")]
@@ -19,10 +22,19 @@ pub(super) struct Zoo {
     /// Print one JSON object per team
     #[arg(long)]
     json: bool,
+    /// Write the files of a team to a folder, which must not hold a run: run.json, best.safetensors and
+    /// card.json
+    #[arg(long, num_args = 2, value_names = ["SCENARIO", "FOLDER"], conflicts_with = "json")]
+    export: Option<Vec<String>>,
 }
 
 impl Zoo {
     pub(super) fn run(self) -> CommandResult {
+        if let Some([scenario, folder]) = self.export.as_deref() {
+            export_zoo_team(scenario, Path::new(folder))?;
+            out!("{folder}: the team of {scenario}; smaclite-pool evaluate {folder}")?;
+            return Ok(());
+        }
         let mut table =
             Table::new(&["team", "seed", "steps", "CPU-seconds", "won, greedy", "won, sampled", "episodes"]);
         for card in zoo_cards()? {

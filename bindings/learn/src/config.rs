@@ -6,6 +6,7 @@ pub use enemies::{Enemies, SelfPlay};
 use serde::{Deserialize, Serialize};
 use smaclite_pool::MAX_LAST_ACTIONS;
 use smaclite_scenarios::Scenario;
+use smaclite_units::file::shortened;
 
 /// What the critic sees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -265,7 +266,7 @@ pub(crate) fn ensure(
     accepted: &'static str,
     given: &dyn std::fmt::Display,
 ) -> Result<(), ConfigError> {
-    if holds { Ok(()) } else { Err(ConfigError { name, accepted, given: given.to_string() }) }
+    if holds { Ok(()) } else { Err(ConfigError { name, accepted, given: shortened(&given.to_string()) }) }
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use crate::checkpoint::read_actor;
 use crate::config::{Config, Enemies, UnknownKeyword};
 use crate::lane_error::LaneError;
 use crate::lanes::{Lanes, sizes_with_history};
-use crate::team::{Network, Team};
+use crate::team::{Network, actor_mlp};
 use crate::tensors::{FileError, exists, read, write};
 use crate::zoo;
 use serde::{Deserialize, Serialize};
@@ -144,7 +144,7 @@ pub(crate) fn read_team(
     let run = RunDescription::read(folder)?;
     let weights = weights.unwrap_or_else(|| Weights::of(folder, &run));
     weights.check_kept(folder)?;
-    let mlp = Team::new(&run.config, run.sizes).actor.mlp;
+    let mlp = actor_mlp(&run.config, run.sizes);
     let actor = read_actor(&folder.join(weights.file_name()), mlp)?;
     Ok((run, weights, actor))
 }

@@ -10,7 +10,7 @@ pub enum LaneError {
     #[error("lane `{lane}` does not serve the field `{field}`; serve it with all fields")]
     MissingField { lane: String, field: &'static str },
     #[error(
-        "lane `{lane}` has autoreset `{given}`, but a team plays with `next_step`, the default of `serve`"
+        "lane `{lane}` has autoreset_mode `{given}`, but a team plays with `NextStep`, the default of `serve`"
     )]
     Autoreset { lane: String, given: &'static str },
     #[error(

@@ -148,6 +148,7 @@ mod tests {
             obs_size: 3,
             state_size: 4,
             perception_size: 0,
+            n_phases: 0,
             enemies: None,
         };
         let actor = Team::new(&Config { hidden: vec![4], ..Config::for_agents(3) }, sizes).actor;

@@ -41,6 +41,7 @@ mod exploit;
 mod gae;
 mod gradient;
 mod lane_error;
+mod lane_opponents;
 mod lanes;
 mod league;
 mod log;
@@ -65,6 +66,7 @@ mod training;
 mod view;
 mod zoo;
 mod zoo_cards;
+mod zoo_folders;
 
 pub use config::{
     Activation, Algorithm, Config, ConfigError, Enemies, STATE_CRITIC_AGENTS, SelfPlay, TEAM_ENTROPY,
@@ -85,6 +87,7 @@ pub use evaluations::{
 };
 pub use exploit::{Exploit, ExploitError, ExploitResult, Response};
 pub use lane_error::LaneError;
+pub use lane_opponents::{LaneOpponents, LaneOpponentsError};
 pub use lanes::{Lanes, resolve_scenario};
 pub use policy::Choice;
 pub use ppo::{Diverged, UpdateStats};
@@ -102,7 +105,8 @@ pub use statistics::{
 };
 pub use tensors::FileError;
 pub use tournament::{PlayerScore, Score, Tournament, TournamentError, TournamentResult};
-pub use trained_team::{TrainedTeam, UnfitTeam};
+pub use trained_team::{TeamTensor, TrainedTeam, UnfitTeam};
 pub use training::{Record, SelfPlayRecord, TrainError};
-pub use zoo::{names_team, zoo_file, zoo_scenarios};
+pub use zoo::{names_team, zoo_scenarios};
 pub use zoo_cards::{ZooCard, zoo_cards};
+pub use zoo_folders::{ExportError, export_zoo_team};

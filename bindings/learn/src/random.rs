@@ -34,6 +34,9 @@ pub(crate) enum Purpose {
     /// Seeds of the episodes that say when a team wins; the counters are the step count, and the number of
     /// the block of episodes.
     TimeToWin = 12,
+    /// Actions of a team that plays the enemies of a lane; the run is the seed of the battle's generator, and
+    /// the counters are what that has drawn, and the steps of the episode.
+    Opponents = 13,
 }
 
 /// Mixes the bits of a number so that numbers that differ in one bit differ in half of the bits: the last
@@ -85,6 +88,7 @@ mod tests {
             Purpose::FinalEvaluation,
             Purpose::Bootstrap,
             Purpose::TimeToWin,
+            Purpose::Opponents,
         ]) {
             for run in 0..3 {
                 seeds.extend((0..100).map(|i| seed(run, purpose, [i / 10, i % 10])));

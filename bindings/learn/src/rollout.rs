@@ -155,6 +155,7 @@ mod tests {
             obs_size: 1,
             state_size: 1,
             perception_size: 0,
+            n_phases: 0,
             enemies: None,
         };
         let config = Config { horizon: 2, num_envs: 1, ..Config::for_agents(3) };
@@ -180,6 +181,7 @@ mod tests {
             obs_size: 1,
             state_size: 1,
             perception_size: 0,
+            n_phases: 0,
             enemies: Some(enemies),
         };
         let enemies = Enemies::SelfPlay(SelfPlay::LEAGUE);

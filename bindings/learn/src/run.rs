@@ -25,9 +25,10 @@ use crate::evaluations::{EvaluationFiles, EvaluationRow, Evaluations};
 use crate::lane_error::LaneError;
 use crate::lanes::Lanes;
 use crate::log::{CsvLog, TensorBoardLog};
-use crate::team::Team;
-use crate::tensors::FileError;
+use crate::team::actor_mlp;
+use crate::tensors::{FileError, remove_incomplete};
 use crate::training::{Record, TrainError, Training};
+use crate::zoo_folders;
 use smaclite_engine::BattleSetup;
 use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
@@ -136,6 +137,7 @@ impl Run {
         fs::create_dir_all(folder).map_err(|source| FileError::Write { path: folder.to_owned(), source })?;
         let lock = lock(folder)?;
         check_free()?; // another process may have begun and ended one meanwhile
+        remove_incomplete_files(folder)?;
         if let Some(rival) = rival_folder {
             copy_team(&rival, &folder.join(OPPONENT))?;
         }
@@ -160,12 +162,14 @@ impl Run {
         lanes: Lanes,
         threads: usize,
     ) -> Result<Run, TrainError> {
+        zoo_folders::refuse(folder, "checkpoint to continue from")?;
         let lock = lock(folder)?;
+        remove_incomplete_files(folder)?;
         let mut description = RunDescription::read(folder)?;
         description.config.steps = steps.unwrap_or(description.config.steps);
         let RunDescription { config, setup, .. } = description.clone();
         let lanes = lanes.for_run(&config)?;
-        let mlp = Team::new(&config, lanes.sizes()).actor.mlp;
+        let mlp = actor_mlp(&config, lanes.sizes());
         let mut read_rival = |number| match number {
             0 => read_team(&folder.join(OPPONENT), Some(Weights::Last)).map(|(_, _, network)| network),
             number => read_actor(&copy_path(folder, number), mlp.clone()),
@@ -266,6 +270,14 @@ const LEAGUE: &str = "league";
 /// The file of the copy that was made after that many updates.
 fn copy_path(folder: &Path, updates: u64) -> PathBuf {
     folder.join(LEAGUE).join(format!("{updates:06}.safetensors"))
+}
+
+/// Removes the files that a killed process did not complete. Those of evaluations are removed with the
+/// evaluations that are played again.
+fn remove_incomplete_files(folder: &Path) -> Result<(), FileError> {
+    [folder.to_owned(), folder.join(OPPONENT), folder.join(LEAGUE)]
+        .iter()
+        .try_for_each(|folder| remove_incomplete(folder))
 }
 
 /// Locks the folder until the file is dropped.

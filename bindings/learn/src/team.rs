@@ -45,17 +45,21 @@ pub(crate) struct Team {
     pub normaliser: Normaliser,
 }
 
+/// The shape of the network of a team's actor.
+pub(crate) fn actor_mlp(config: &Config, sizes: Sizes) -> Mlp {
+    Mlp::new(sizes.obs_size, &config.hidden, sizes.n_actions, sizes.n_agents, config.activation)
+}
+
 impl Team {
     /// A team with first weights.
     pub fn new(config: &Config, sizes: Sizes) -> Team {
-        let mlp = |n_in, n_out, n_ids| Mlp::new(n_in, &config.hidden, n_out, n_ids, config.activation);
-        let actor = mlp(sizes.obs_size, sizes.n_actions, sizes.n_agents);
+        let mlp = |n_in, n_ids| Mlp::new(n_in, &config.hidden, 1, n_ids, config.activation);
         let critic = match config.algorithm {
-            Algorithm::Mappo => mlp(sizes.state_size, 1, 0),
-            Algorithm::Ippo => mlp(sizes.obs_size, 1, sizes.n_agents),
+            Algorithm::Mappo => mlp(sizes.state_size, 0),
+            Algorithm::Ippo => mlp(sizes.obs_size, sizes.n_agents),
         };
         Team {
-            actor: Network::new(actor, ACTOR_GAIN, config.seed, 0),
+            actor: Network::new(actor_mlp(config, sizes), ACTOR_GAIN, config.seed, 0),
             critic: Network::new(critic, CRITIC_GAIN, config.seed, 1),
             normaliser: Normaliser::default(),
         }
@@ -94,6 +98,7 @@ mod tests {
             obs_size: 4,
             state_size: 5,
             perception_size: 0,
+            n_phases: 0,
             enemies: None,
         };
         for algorithm in [Algorithm::Mappo, Algorithm::Ippo] {

@@ -1,10 +1,10 @@
 //! Files of named arrays in the safetensors format: written whole or not at all, and read with checks.
 
-use crate::zoo::{zoo_file, zoo_scenarios};
+use crate::zoo::{zoo_file, zoo_hint, zoo_scenarios};
 use bytemuck::Pod;
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
-use smaclite_units::file::write_whole;
+use smaclite_units::file::{shown_reason, write_whole};
 use std::collections::HashMap;
 use std::fs;
 use std::io;
@@ -23,15 +23,24 @@ pub enum FileError {
     Read { path: PathBuf, source: io::Error },
     #[error("`{}` is not a regular file of at most {MAX_BYTES} bytes", path.display())]
     NotRegular { path: PathBuf },
-    #[error("`{}` is not the folder of a run of `smaclite-pool train`: it has no run.json", folder.display())]
+    #[error(
+        "`{}` is not the folder of a run of `smaclite-pool train`: it has no run.json{}",
+        folder.display(),
+        zoo_hint(folder)
+    )]
     NoRun { folder: PathBuf },
+    #[error(
+        "`{}` is a team of the zoo, which has no {missing}: only the files that let it play were kept",
+        folder.display()
+    )]
+    OfZoo { folder: PathBuf, missing: &'static str },
     #[error("`{}` has no {missing}: {why}", folder.display())]
     NoWeights { folder: PathBuf, missing: &'static str, why: &'static str },
     #[error("the zoo has no team `{name}`; it has {}", zoo_scenarios().collect::<Vec<_>>().join(", "))]
     NotInZoo { name: String },
-    #[error("`{}` is damaged or not a file of a run: {why}", path.display())]
+    #[error("`{}` is damaged or not a file of a run: {}", path.display(), shown_reason(why))]
     Damaged { path: PathBuf, why: String },
-    #[error("`{}` does not fit the run: {why}", path.display())]
+    #[error("`{}` does not fit the run: {}", path.display(), shown_reason(why))]
     OtherRun { path: PathBuf, why: String },
 }
 
@@ -94,8 +103,12 @@ pub(crate) fn encode(arrays: &[Array]) -> Result<Vec<u8>, SafeTensorError> {
     safetensors::serialize(views, Some(HashMap::from([(CHECKSUM.to_owned(), checksum)])))
 }
 
-/// Writes a file whole or not at all.
+/// Writes a file whole or not at all. What a run writes is a regular file: to open a pipe would be to wait
+/// for its reader.
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
+    if fs::metadata(path).is_ok_and(|metadata| !metadata.is_file()) {
+        return Err(FileError::NotRegular { path: path.to_owned() });
+    }
     write_whole(path, |output| output.write_all(bytes))
         .map_err(|source| FileError::Write { path: path.to_owned(), source })
 }
@@ -126,6 +139,32 @@ pub(crate) fn read(path: &Path) -> Result<Vec<u8>, FileError> {
         return Err(FileError::NotRegular { path: path.to_owned() });
     }
     fs::read(path).map_err(error)
+}
+
+/// The text of a file; empty if it does not exist.
+pub(crate) fn read_text(path: &Path) -> Result<String, FileError> {
+    match read(path) {
+        Err(FileError::Read { source, .. }) if source.kind() == io::ErrorKind::NotFound => Ok(String::new()),
+        bytes => String::from_utf8(bytes?)
+            .map_err(|error| FileError::Damaged { path: path.to_owned(), why: error.to_string() }),
+    }
+}
+
+/// Removes the files that a killed process did not complete; [`write`] gives them such names.
+pub(crate) fn remove_incomplete(folder: &Path) -> Result<(), FileError> {
+    let error = |source| FileError::Read { path: folder.to_owned(), source };
+    let entries = match fs::read_dir(folder) {
+        Err(source) if source.kind() == io::ErrorKind::NotFound => return Ok(()),
+        entries => entries.map_err(error)?,
+    };
+    for entry in entries {
+        let entry = entry.map_err(error)?;
+        let is_file = entry.file_type().is_ok_and(|kind| kind.is_file());
+        if is_file && entry.file_name().as_encoded_bytes().starts_with(b".tmp") {
+            remove(&entry.path())?;
+        }
+    }
+    Ok(())
 }
 
 /// Arrays that were read.

@@ -3,7 +3,7 @@
 use crate::actor::{Actor, Draw, Rows};
 use crate::description::{RunDescription, Weights, read_team};
 use crate::lanes::sizes_with_history;
-use crate::mlp::Workspace;
+use crate::mlp::{Tensor, Workspace};
 use crate::policy::Choice;
 use crate::random::Purpose;
 use crate::team::{Network, agent_ids};
@@ -18,6 +18,17 @@ use std::path::Path;
 pub struct TrainedTeam {
     pub(crate) run: RunDescription,
     pub(crate) network: Network,
+}
+
+/// A tensor of a team's network, as its file has it: `0.weight`, `0.bias` and so on, and `id_bias`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TeamTensor {
+    /// The name, without `actor.`.
+    pub name: String,
+    /// The shape; weights are `[outputs, inputs]`.
+    pub shape: Vec<usize>,
+    /// The elements, all finite.
+    pub values: Vec<f32>,
 }
 
 /// A team has networks for units of other numbers or kinds.
@@ -54,6 +65,22 @@ impl TrainedTeam {
     pub fn open_with(folder: &Path, weights: Option<Weights>) -> Result<TrainedTeam, FileError> {
         let (run, _, network) = read_team(folder, weights)?;
         Ok(TrainedTeam { run, network })
+    }
+
+    /// The run that it is of.
+    pub fn run(&self) -> &RunDescription {
+        &self.run
+    }
+
+    /// The tensors of its network.
+    pub fn tensors(&self) -> Vec<TeamTensor> {
+        let Network { mlp, params, .. } = &self.network;
+        let tensors = mlp.tensors().into_iter();
+        let copy = |tensor: Tensor| {
+            let (name, shape) = (tensor.name, tensor.shape);
+            TeamTensor { name, shape, values: params[tensor.range].to_vec() }
+        };
+        tensors.map(copy).collect()
     }
 
     /// Whether the team has the networks for a side of an arena.

@@ -8,7 +8,7 @@
 use std::path::{Path, PathBuf};
 
 /// What the names of teams in the zoo begin with.
-const PREFIX: &str = "zoo:";
+pub(crate) const PREFIX: &str = "zoo:";
 
 /// The files of a team.
 struct Files {
@@ -70,7 +70,7 @@ pub fn names_team(text: &str) -> bool {
 }
 
 /// The file of a team with this path, as `zoo:3m/run.json`.
-pub fn zoo_file(path: &Path) -> Option<&'static [u8]> {
+pub(crate) fn zoo_file(path: &Path) -> Option<&'static [u8]> {
     let (name, file) = path.to_str()?.strip_prefix(PREFIX)?.split_once('/')?;
     let team = TEAMS.iter().find(|team| team.name == name)?;
     match file {
@@ -78,6 +78,14 @@ pub fn zoo_file(path: &Path) -> Option<&'static [u8]> {
         "best.safetensors" => Some(team.best),
         "card.json" => Some(team.card),
         _ => None,
+    }
+}
+
+/// That the zoo has a team of this name, for an error that found none.
+pub(crate) fn zoo_hint(folder: &Path) -> String {
+    match zoo_scenarios().find(|name| folder == Path::new(name)) {
+        Some(name) => format!("; the team of the zoo is `{PREFIX}{name}`"),
+        None => String::new(),
     }
 }
 

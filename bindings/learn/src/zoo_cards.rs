@@ -2,8 +2,9 @@
 
 use crate::evaluations::Summary;
 use crate::tensors::{FileError, read};
-use crate::zoo::{folder, zoo_scenarios};
+use crate::zoo::{folder, zoo_file, zoo_scenarios};
 use serde::{Deserialize, Serialize};
+use std::path::Path;
 
 /// How a team of the zoo was trained, and how it plays.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -31,10 +32,16 @@ pub struct ZooCard {
 /// # Errors
 /// If the program was built with a file that is not a card.
 pub fn zoo_cards() -> Result<Vec<ZooCard>, FileError> {
-    let card = |name| {
-        let path = folder(name).join("card.json");
-        let card = serde_json::from_slice(&read(&path)?);
-        card.map_err(|error| FileError::Damaged { path, why: error.to_string() })
-    };
-    zoo_scenarios().map(card).collect()
+    zoo_scenarios().map(|name| read_card(&folder(name))).collect()
+}
+
+/// The card of a team, if it is one of the zoo.
+pub(crate) fn zoo_card(folder: &Path) -> Result<Option<ZooCard>, FileError> {
+    zoo_file(&folder.join("card.json")).is_some().then(|| read_card(folder)).transpose()
+}
+
+fn read_card(folder: &Path) -> Result<ZooCard, FileError> {
+    let path = folder.join("card.json");
+    let card = serde_json::from_slice(&read(&path)?);
+    card.map_err(|error| FileError::Damaged { path, why: error.to_string() })
 }

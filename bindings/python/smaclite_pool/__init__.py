@@ -23,14 +23,15 @@ None of them is imported with this package, and each docstring begins with an ex
 `help("smaclite_pool.marl.smac")`.
 """
 
-import sys
+from sys import abiflags
 
-if "t" in sys.abiflags:
+if "t" in abiflags:
     # Not tested there: batches are views of memory that other threads may replace.
     raise ImportError(
         "smaclite_pool needs a Python with the global interpreter lock; this is a free-threaded build "
         "(python3.13t and the like): use the normal one of the same version"
     )
+del abiflags  # not a name of this package
 
 from ._agent_view import AgentView, AgentViews, PerAgent, SeenUnit, evaluate_function
 from ._entities import Entities, EntityRows
@@ -58,8 +59,9 @@ from ._native import (
     status,
 )
 from ._rollout import Rollout
-from ._team import Team, load_team, train
-from ._wrapper import ChangedBatch, Wrapper
+from ._team import Team, load_team
+from ._training import train
+from ._wrapper import Wrapper
 from .errors import (
     Busy,
     Closed,
@@ -88,7 +90,6 @@ __all__ = [
     "AgentViews",
     "Batch",
     "Busy",
-    "ChangedBatch",
     "Closed",
     "ConnectError",
     "Dataset",

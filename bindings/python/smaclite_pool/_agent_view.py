@@ -197,7 +197,7 @@ class AgentViews:
         if "enemies" not in self.blocks:
             raise InvalidRequest("observations must have units, but `obs_starcraft` of `smacv2` is false")
         self.episode_limit: int | None = envs.episode_limit
-        self._is_same_step = envs.autoreset == "same_step"
+        self._is_same_step = envs.autoreset_mode == "SameStep"
         types = {unit_type["unit_type"]: unit_type for unit_type in info["unit_types"]}
         self._by_id = {unit_type["type_id"]: unit_type for unit_type in info["unit_types"]}
         sides = (info["allies"], info["enemies"])

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ._native import Batch, Envs, ScriptedPolicy
+from ._requirements import suggests_keywords
+from ._wrapper import Wrapper
 from .errors import InvalidRequest
 
-if TYPE_CHECKING:
-    from . import Envs
-    from ._wrapper import Wrapper
+Policy = Callable[[Any], ArrayLike]
 
 
 @dataclass(frozen=True)
@@ -28,6 +29,8 @@ class Evaluation:
     """int32 [episodes]: the number of steps of each."""
     won: NDArray[np.bool_]
     """bool [episodes]: whether the agents won it."""
+    lost: NDArray[np.bool_]
+    """bool [episodes]: whether the enemies won it. What neither side won is a draw."""
 
     def __len__(self) -> int:
         return len(self.returns)
@@ -36,6 +39,16 @@ class Evaluation:
     def win_rate(self) -> float:
         """The share of episodes that the agents won, 0 to 1."""
         return float(self.won.mean())
+
+    @property
+    def loss_rate(self) -> float:
+        """The share of episodes that the enemies won, 0 to 1."""
+        return float(self.lost.mean())
+
+    @property
+    def draw_rate(self) -> float:
+        """The share of episodes that neither side won, such as those that reached the limit of steps."""
+        return float(1 - (self.won | self.lost).mean())
 
     @property
     def mean_return(self) -> float:
@@ -48,11 +61,14 @@ class Evaluation:
         return float(self.lengths.mean())
 
 
+@suggests_keywords
 def evaluate(
     envs: Envs | Wrapper,
-    policy: Callable[[Any], ArrayLike],
+    policy: Policy | str,
     episodes: int,
     seed: int | None = None,
+    *,
+    against: Policy | str | None = None,
 ) -> Evaluation:
     """Play a policy and return the episodes.
 
@@ -66,39 +82,125 @@ def evaluate(
         envs: the environments, or a wrapper of them, with the fields `battle_won`, `episode_return` and
             `episode_length`, and with autoreset. All of them are reset first; afterwards they are somewhere
             in an episode.
-        policy: a function from a batch to its actions, integers [M, n_agents]. Whether it draws actions or
-            takes the most probable ones is its own matter.
+        policy: a function from a batch to its actions, integers [M, n_agents], such as a team; or the name of
+            a scripted policy. Whether it draws actions or takes the most probable ones is its own matter.
         episodes: how many episodes count, at least 1.
-        seed: as for `Envs.reset`: environment i is seeded with seed + i.
+        seed: as for `Envs.reset`: environment i is seeded with seed + i. It also is that of policies that are
+            given by name.
+        against: who plays the enemies, as `policy`, in environments that `sides="both"` made. The function
+            gets batches as the enemies see them: `obs`, `state`, `avail_actions`, `alive` and `reward` are
+            those of `enemy_obs` and so on. With `mirror=True` a team can play either side. An episode whose
+            last units die in the same step is a draw then; else the agents have won it, as in SMAC. This
+            needs the field `dead_allies`.
 
     Raises:
-        InvalidRequest: `episodes` is below 1, or the environments have no autoreset.
+        InvalidRequest: `episodes` is below 1, the environments have no autoreset, or their actions do not
+            play the sides of these policies.
+        TypeError: an argument has the wrong type.
         AttributeError: the lane omits a field.
         IllegalAction: the policy chose an action that is not available.
     """
-    if episodes < 1:
-        raise InvalidRequest(f"episodes must be at least 1, got {episodes}")
-    if envs.autoreset == "disabled":
-        raise InvalidRequest('evaluate needs autoreset="next_step" or "same_step", got "disabled"')
+    _check(envs, policy, episodes)
+    player = _player(envs, policy, against, seed)
     quota = np.full(envs.num_envs, episodes // envs.num_envs)
     quota[: episodes % envs.num_envs] += 1
     counts = np.zeros(envs.num_envs, np.int64)
-    counted: list[tuple[int, int, float, int, bool]] = []
+    counted: list[tuple[int, int, float, int, bool, bool]] = []
     batch = envs.reset(seed=seed)
     while True:
         for slot in np.flatnonzero(batch.terminated | batch.truncated):
             env = int(batch.env_id[slot])
             if counts[env] < quota[env]:
-                result = (batch.episode_return[slot], batch.episode_length[slot], batch.battle_won[slot])
+                won = bool(batch.battle_won[slot])
+                lost = bool(batch.terminated[slot]) and not won
+                if against is not None and won:
+                    won = bool(batch.dead_allies[slot] < envs.n_agents)
+                result = (batch.episode_return[slot], batch.episode_length[slot], won, lost)
                 counted.append((env, int(counts[env]), *result))
             counts[env] += 1
         if len(counted) == episodes:
             break
-        batch = envs.step(policy(batch), batch.env_id)
-    env_id, _, returns, lengths, won = zip(*sorted(counted), strict=True)
+        batch = envs.step(player(batch), batch.env_id)
+    env_id, _, returns, lengths, wins, losses = zip(*sorted(counted), strict=True)
     return Evaluation(
         np.array(env_id, np.int32),
         np.array(returns, np.float32),
         np.array(lengths, np.int32),
-        np.array(won, np.bool_),
+        np.array(wins, np.bool_),
+        np.array(losses, np.bool_),
     )
+
+
+def _check(envs: Any, policy: Any, episodes: int) -> None:
+    if isinstance(policy, (Envs, Wrapper)):
+        raise TypeError(f"the environments come first: evaluate(envs, policy, episodes), got {envs!r}")
+    if not hasattr(envs, "autoreset_mode"):
+        raise TypeError(f"envs must be environments or a wrapper of them, got {type(envs).__name__}")
+    if isinstance(episodes, bool) or not isinstance(episodes, (int, np.integer)):
+        raise TypeError(f"episodes must be an integer, got {type(episodes).__name__}")
+    if episodes < 1:
+        raise InvalidRequest(f"episodes must be at least 1, got {episodes}")
+    if envs.autoreset_mode == "Disabled":
+        raise InvalidRequest('evaluate needs autoreset_mode="NextStep" or "SameStep", got "Disabled"')
+
+
+def _player(envs: Envs | Wrapper, policy: Any, against: Any, seed: int | None) -> Policy:
+    """A function from a batch to joint actions."""
+    plays_both = envs.sides == "both" and envs.side is None
+    if against is None:
+        agents = _as_policy(envs, "policy", policy, "allies", seed)
+        return _for_both_sides(envs, agents) if plays_both else agents
+    if not plays_both or set(envs.opponents) != {"learner"}:
+        raise InvalidRequest(
+            "against needs environments whose actions play both sides in all episodes: "
+            'make(..., sides="both")'
+        )
+    agents = _as_policy(envs, "policy", policy, "allies", seed)
+    enemies = _as_policy(envs, "against", against, "enemies", seed)
+
+    def both(batch: Batch) -> ArrayLike:
+        is_script = isinstance(enemies, ScriptedPolicy)  # it reads `enemy_state` by that name
+        theirs = enemies(batch if is_script else _as_enemies_see_it(batch))
+        return np.concatenate([np.asarray(agents(batch)), np.asarray(theirs)], axis=1)
+
+    return both
+
+
+def _as_policy(
+    envs: Envs | Wrapper, name: str, policy: Any, side: Literal["allies", "enemies"], seed: int | None
+) -> Policy:
+    if isinstance(policy, str):
+        script: Any = policy
+        return ScriptedPolicy(script, envs, seed=seed or 0, side=side)
+    if not callable(policy):
+        raise TypeError(
+            f"{name} must be a function from a batch to its actions, or the name of a scripted policy, got "
+            f"{type(policy).__name__}"
+        )
+    if isinstance(policy, ScriptedPolicy) and envs.side is None and policy.side != side:
+        raise InvalidRequest(
+            f'{name} must be a ScriptedPolicy(..., side="{side}"), got one with side="{policy.side}"'
+        )
+    result: Policy = policy
+    return result
+
+
+def _for_both_sides(envs: Envs | Wrapper, policy: Policy) -> Policy:
+    """A policy of all units, which may not be one of the agents alone."""
+
+    def checked(batch: Batch) -> ArrayLike:
+        actions = policy(batch)
+        if np.shape(actions)[1:] == (envs.n_agents,) != (envs.n_actors,):
+            raise InvalidRequest(
+                "the actions of these environments play both sides, and policy chose those of the agents "
+                f"alone: pass the policy of the enemies as against=, or make it return [M, {envs.n_actors}]"
+            )
+        return actions
+
+    return checked
+
+
+def _as_enemies_see_it(batch: Batch) -> Batch:
+    """As a learner of the enemies' side gets it: with their fields by the names of the agents'."""
+    theirs = {name.removeprefix("enemy_"): name for name in batch.keys() if name.startswith("enemy_")}
+    return batch.replace(**{name: batch[field] for name, field in theirs.items()})

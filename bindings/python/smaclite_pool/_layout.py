@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ._native import scenario
+from ._native import Envs, scenario
 from .types import LayoutPart
 
 Floats = NDArray[np.float32]
@@ -115,8 +115,43 @@ def feature_blocks(layout: list[LayoutPart]) -> dict[str, FeatureBlock]:
     return {part["name"]: _block(**part) for part in layout}
 
 
-def _block(name: str, start: int, shape: list[int], features: list[str]) -> FeatureBlock:
+def _block(name: str, start: int, shape: list[int], features: list[str], **_: list[float]) -> FeatureBlock:
     return FeatureBlock(start, tuple(shape), features)
+
+
+Bounds = tuple[Floats, Floats]
+"""The least and the greatest values, float32 [size] each."""
+
+
+def field_bounds(envs: Envs) -> dict[str, Bounds]:
+    """The bounds of each float of `obs`, `state`, `enemy_obs` and `enemy_state`.
+
+    Most features are between -1 and 1. Those of SMACv2's interface that can be beyond are the position of an
+    agent on or near the map, distances if all units are shown, and health below a level of health.
+    """
+    info = scenario(envs)
+    state = layout_bounds(info["state_layout"], envs.state_size)
+    # Enemies see what agents do without SMACv2: positions alone can be beyond, those of both sides by
+    # as much.
+    farthest = max(np.abs(bound).max(initial=1.0) for bound in state)
+    of_enemies = np.full(envs.enemy_state_size, farthest, np.float32)
+    return {
+        "obs": layout_bounds(info["obs_layout"], envs.obs_size),
+        "state": state,
+        "enemy_obs": layout_bounds([], envs.enemy_obs_size),
+        "enemy_state": (-of_enemies, of_enemies),
+    }
+
+
+def layout_bounds(layout: list[LayoutPart], size: int) -> Bounds:
+    """The bounds of floats with this layout, and of those that a lane appends: 0 or 1."""
+    low, high = np.full(size, -1.0, np.float32), np.full(size, 1.0, np.float32)
+    for part in layout:
+        end = part["start"] + math.prod(part["shape"])
+        rows = math.prod(part["shape"][:-1])
+        low[part["start"] : end] = np.tile(np.array(part["low"], np.float32), rows)
+        high[part["start"] : end] = np.tile(np.array(part["high"], np.float32), rows)
+    return low, high
 
 
 def unwrapped(scenario: Any) -> Any:

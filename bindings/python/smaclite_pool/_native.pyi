@@ -2,14 +2,15 @@
 # names, parameters and defaults match the module. Full docstrings are in the module.
 
 from collections.abc import Mapping, Sequence
+from enum import Enum
 from os import PathLike
 from types import TracebackType
-from typing import Any, Final, Literal, NoReturn, final, overload
+from typing import Any, Final, Literal, NoReturn, TypeVar, final, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._wrapper import ChangedBatch
+from ._wrapper import Wrapper
 from .types import DatasetCard, LaneDescription, PoolStatus, RewardOptions, Scenario
 
 __all__ = [
@@ -40,16 +41,17 @@ __all__ = [
     "ScriptedPolicy",
     "Spectator",
     "__version__",
+    "check_settings",
     "connect",
     "make",
     "pack_snapshot",
     "pools",
+    "read_team",
     "run_program",
     "scenario",
     "scenarios",
     "snapshot_columns",
     "status",
-    "zoo_file",
 ]
 
 __version__: str
@@ -81,10 +83,11 @@ REWARD_SCALE: Final[float]
 REWARD_DEFAULTS: Final[RewardOptions]
 
 _Wait = Literal["adaptive", "spin", "block"]
-_Autoreset = Literal["next_step", "same_step", "disabled"]
+_Autoreset = Literal["NextStep", "SameStep", "Disabled"]
 _Policy = Literal["random", "nearest", "focus_fire", "kite", "hold", "line", "flank", "escort", "spread"]
-_Rules = Literal["smaclite", "paper"]
+_Rules = Literal["smaclite", "paper", "starcraft", "starcraft-1"]
 _Sides = Literal["allies", "both"]
+_Default = TypeVar("_Default")
 
 @final
 class Frame:
@@ -191,14 +194,20 @@ class Batch:
     def final_enemy_avail_actions(self) -> NDArray[np.bool_]:
         """bool [M, n_enemies, n_enemy_actions]: last enemy_avail_actions, as final_obs."""
     def keys(self) -> list[str]: ...
-    def replace(self, **fields: Any) -> ChangedBatch:
-        """Return this batch with other arrays in some fields."""
+    def values(self) -> list[NDArray[Any]]: ...
+    def items(self) -> list[tuple[str, NDArray[Any]]]: ...
+    @overload
+    def get(self, name: str, default: None = None, /) -> NDArray[Any] | None: ...
+    @overload
+    def get(self, name: str, default: _Default, /) -> NDArray[Any] | _Default: ...
+    def replace(self, **fields: ArrayLike) -> Batch:
+        """Return a batch with other arrays in some fields."""
     def copy(self) -> dict[str, NDArray[Any]]: ...
     def torch(self) -> dict[str, Any]:
         """Return a dict from field names to torch tensors over the same memory. Writing to one raises."""
     def __getitem__(self, name: str, /) -> NDArray[Any]:
         """A field by its name."""
-    def __contains__(self, name: str, /) -> bool: ...
+    def __contains__(self, name: object, /) -> bool: ...
     def __iter__(self) -> NoReturn: ...
     def __len__(self) -> int: ...
 
@@ -206,9 +215,10 @@ class Batch:
 class Envs:
     """The environments of a lane, as returned by `make` and `connect`."""
 
+    def __len__(self) -> int: ...
     def reset(
         self,
-        seed: int | None = None,
+        seed: int | Sequence[int | None] | NDArray[np.integer[Any]] | None = None,
         mask: ArrayLike | None = None,
         env_id: ArrayLike | None = None,
         timeout: float | None = None,
@@ -220,7 +230,14 @@ class Envs:
     ) -> Batch: ...
     def send(self, actions: ArrayLike, env_id: ArrayLike | None = None) -> None: ...
     def recv(self, timeout: float | None = None) -> Batch: ...
-    def async_reset(self, seed: int | None = None) -> None: ...
+    def async_reset(
+        self,
+        seed: int | None = None,
+        mask: ArrayLike | None = None,
+        env_id: ArrayLike | None = None,
+        *,
+        levels: ArrayLike | None = None,
+    ) -> None: ...
     def sample_actions(
         self, env_id: ArrayLike | None = None, out: NDArray[np.int32] | None = None
     ) -> NDArray[np.int32]: ...
@@ -271,6 +288,7 @@ class Envs:
     ) -> NDArray[np.uint8]:
         """A picture of one environment, or a sheet of many: uint8 [height, width, 3]."""
     def close(self) -> None: ...
+    def __reduce__(self) -> NoReturn: ...
     def __enter__(self) -> Envs: ...
     def __exit__(
         self,
@@ -312,7 +330,7 @@ class Envs:
     @property
     def scenario(self) -> str: ...
     @property
-    def autoreset(self) -> _Autoreset: ...
+    def autoreset_mode(self) -> _Autoreset: ...
     @property
     def seed(self) -> int: ...
     @property
@@ -325,6 +343,8 @@ class Envs:
     def rules(self) -> _Rules: ...
     @property
     def opponents(self) -> dict[str, float]: ...
+    @property
+    def opponent_team(self) -> str | None: ...
     @property
     def rewards(self) -> RewardOptions: ...
     @property
@@ -410,7 +430,7 @@ class Renderer:
 
     def __new__(
         cls,
-        scenario: str | PathLike[str] | Envs,
+        scenario: str | PathLike[str] | Envs | Wrapper,
         width: int = 512,
         height: int = 512,
         *,
@@ -439,15 +459,17 @@ class ScriptedPolicy:
     def __new__(
         cls,
         name: _Policy,
-        envs: Envs,
+        envs: Envs | Wrapper,
         *,
-        seed: int = 0,
+        seed: int | None = None,
         side: Literal["allies", "enemies"] = "allies",
     ) -> ScriptedPolicy: ...
     def __call__(self, batch: Batch, out: NDArray[np.int32] | None = None) -> NDArray[np.int32]:
         """Actions of all slots of a batch: int32 [M, n_agents], or of the enemies [M, n_enemies]."""
     @property
     def name(self) -> str: ...
+    @property
+    def side(self) -> Literal["allies", "enemies"]: ...
 
 @final
 class Dataset:
@@ -481,12 +503,12 @@ def make(
     num_envs: int = 64,
     *,
     batch_size: int | None = None,
-    seed: int = 0,
+    seed: int | None = None,
     threads: int | None = None,
-    autoreset: _Autoreset = "next_step",
+    autoreset_mode: _Autoreset | Enum = "NextStep",
     episode_limit: int | Literal["default"] | None = "default",
     rules: _Rules = "smaclite",
-    opponent: str | Mapping[str, float] | None = None,
+    opponent: str | PathLike[str] | Mapping[str, float] | None = None,
     sides: _Sides = "allies",
     mirror: bool = False,
     zero_sum: bool = False,
@@ -510,12 +532,12 @@ def make(
     num_envs: int = 64,
     *,
     batch_size: int | None = None,
-    seed: int = 0,
+    seed: int | None = None,
     threads: int | None = None,
-    autoreset: _Autoreset = "next_step",
+    autoreset_mode: _Autoreset | Enum = "NextStep",
     episode_limit: int | Literal["default"] | None = "default",
     rules: _Rules = "smaclite",
-    opponent: str | Mapping[str, float] | None = None,
+    opponent: str | PathLike[str] | Mapping[str, float] | None = None,
     sides: _Sides = "allies",
     mirror: bool = False,
     zero_sum: bool = False,
@@ -543,7 +565,7 @@ def connect(
     side: Literal["allies", "enemies"] | None = None,
     on_leave: _Policy | None = None,
 ) -> Envs: ...
-def scenario(scenario: str | PathLike[str] | Envs) -> Scenario: ...
+def scenario(scenario: str | PathLike[str] | Envs | Wrapper) -> Scenario: ...
 def scenarios(*, generated: bool | None = None) -> list[str]: ...
 def status(pool: str, *, timeout: float | None = 10.0) -> PoolStatus: ...
 def pools() -> list[str]: ...
@@ -551,9 +573,10 @@ def snapshot_columns(snapshot: NDArray[np.uint8]) -> dict[str, NDArray[Any]]:
     """The columns of a snapshot, uint8 [snapshot_size], as copies."""
 
 def pack_snapshot(
-    columns: dict[str, NDArray[Any]], scenario: str | PathLike[str] | Envs
+    columns: dict[str, NDArray[Any]], scenario: str | PathLike[str] | Envs | Wrapper
 ) -> NDArray[np.uint8]:
     """A snapshot of columns that may have been edited, checked: uint8 [snapshot_size]."""
 
+def check_settings(function: str, settings: dict[str, Any], own: list[str]) -> None: ...
 def run_program(args: list[str]) -> int: ...
-def zoo_file(path: str | PathLike[str]) -> bytes | None: ...
+def read_team(folder: str | PathLike[str], weights: str | None = None) -> dict[str, Any]: ...

@@ -2,9 +2,33 @@
 
 from __future__ import annotations
 
+import inspect
+from collections.abc import Callable
+from difflib import get_close_matches
+from functools import wraps
+from typing import Any, TypeVar, cast
+
 from ._native import Envs
 from ._wrapper import Wrapper
 from .errors import InvalidRequest
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+def suggests_keywords(function: Function) -> Function:
+    """`function`, whose error of an unknown keyword says which one is probably meant."""
+    known = list(inspect.signature(function).parameters)
+
+    @wraps(function)
+    def checked(*args: Any, **keywords: Any) -> Any:
+        for name in keywords:
+            if name not in known:
+                similar = get_close_matches(name, known, 1, 0.5)
+                hint = f"did you mean '{similar[0]}'?" if similar else f"it has {', '.join(known)}"
+                raise TypeError(f"{function.__name__}() got an unexpected keyword argument '{name}'; {hint}")
+        return function(*args, **keywords)
+
+    return cast(Function, checked)
 
 
 def require_synchronous(envs: Envs | Wrapper, user: str, autoreset: str | None = None) -> None:
@@ -22,8 +46,8 @@ def require_synchronous(envs: Envs | Wrapper, user: str, autoreset: str | None =
             f"{user} needs batches of all environments: batch_size must be num_envs={envs.num_envs}, "
             f"got {envs.batch_size}, which is asynchronous (`serve` without --batch-size)"
         )
-    if autoreset is not None and envs.autoreset != autoreset:
+    if autoreset is not None and envs.autoreset_mode != autoreset:
         raise InvalidRequest(
-            f"{user} needs another autoreset mode: autoreset must be {autoreset!r}, got {envs.autoreset!r} "
-            f"(`serve` with --autoreset {autoreset})"
+            f"{user} needs another autoreset mode: autoreset_mode must be {autoreset!r}, "
+            f"got {envs.autoreset_mode!r} (`serve` with --autoreset-mode {autoreset})"
         )

@@ -13,7 +13,7 @@ from .errors import InvalidRequest
 
 if TYPE_CHECKING:
     from . import Batch, Envs
-    from ._wrapper import ChangedBatch, Wrapper
+    from ._wrapper import Wrapper
 
 
 class Rollout:
@@ -66,7 +66,7 @@ class Rollout:
             return arrays[name]
         raise AttributeError(f"this rollout has no field {name!r}; it has {', '.join(arrays)}")
 
-    def __setitem__(self, t: int, batch: Batch | ChangedBatch) -> None:
+    def __setitem__(self, t: int, batch: Batch) -> None:
         """Copies a batch to row t, 0 to `steps`."""
         if not 0 <= t <= self.steps:
             raise IndexError(f"row {t} of a rollout with rows 0 to {self.steps}")

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from . import Batch, Envs
 
 Self = TypeVar("Self", bound="Wrapper")
@@ -33,7 +35,7 @@ class Wrapper:
     def __init__(self, envs: Envs | Wrapper) -> None:
         self.envs = envs
 
-    def change_batch(self, batch: Batch | ChangedBatch) -> Batch | ChangedBatch:
+    def change_batch(self, batch: Batch) -> Batch:
         """Return the batch that the learner gets; `Batch.replace` changes fields."""
         return batch
 
@@ -43,17 +45,19 @@ class Wrapper:
 
     def reset(
         self,
-        seed: int | None = None,
+        seed: int | Sequence[int | None] | NDArray[np.integer[Any]] | None = None,
         mask: ArrayLike | None = None,
         env_id: ArrayLike | None = None,
         timeout: float | None = None,
-    ) -> Batch | ChangedBatch:
+        *,
+        levels: ArrayLike | None = None,
+    ) -> Batch:
         """As `Envs.reset`."""
-        return self.change_batch(self.envs.reset(seed, mask, env_id, timeout))
+        return self.change_batch(self.envs.reset(seed, mask, env_id, timeout, levels=levels))
 
     def step(
         self, actions: ArrayLike, env_id: ArrayLike | None = None, timeout: float | None = None
-    ) -> Batch | ChangedBatch:
+    ) -> Batch:
         """As `Envs.step`."""
         return self.change_batch(self.envs.step(self.change_actions(actions), env_id, timeout))
 
@@ -61,19 +65,35 @@ class Wrapper:
         """As `Envs.send`."""
         self.envs.send(self.change_actions(actions), env_id)
 
-    def recv(self, timeout: float | None = None) -> Batch | ChangedBatch:
+    def recv(self, timeout: float | None = None) -> Batch:
         """As `Envs.recv`."""
         return self.change_batch(self.envs.recv(timeout))
 
     def restore(
-        self, snapshots: NDArray[np.uint8], env_id: ArrayLike | None = None, **options: Any
-    ) -> Batch | ChangedBatch:
+        self,
+        snapshots: NDArray[np.uint8],
+        env_id: ArrayLike | None = None,
+        *,
+        rng: Literal["keep", "reseed"] = "keep",
+        seed: int | None = None,
+        timeout: float | None = None,
+    ) -> Batch:
         """As `Envs.restore`."""
-        return self.change_batch(self.envs.restore(snapshots, env_id, **options))
+        restored = self.envs.restore(snapshots, env_id, rng=rng, seed=seed, timeout=timeout)
+        return self.change_batch(restored)
 
-    def fork(self, env_id_from: ArrayLike, env_id_to: ArrayLike, **options: Any) -> Batch | ChangedBatch:
+    def fork(
+        self,
+        env_id_from: ArrayLike,
+        env_id_to: ArrayLike,
+        *,
+        rng: Literal["keep", "reseed"] = "keep",
+        seed: int | None = None,
+        timeout: float | None = None,
+    ) -> Batch:
         """As `Envs.fork`."""
-        return self.change_batch(self.envs.fork(env_id_from, env_id_to, **options))
+        forked = self.envs.fork(env_id_from, env_id_to, rng=rng, seed=seed, timeout=timeout)
+        return self.change_batch(forked)
 
     @property
     def unwrapped(self) -> Envs:
@@ -98,39 +118,3 @@ class Wrapper:
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__} of {self.envs!r}>"
-
-
-class ChangedBatch:
-    """A batch with other arrays in some fields, made by `Batch.replace`.
-
-    Everything else is that of `batch`.
-    """
-
-    def __init__(self, batch: Batch | ChangedBatch, fields: dict[str, Any]) -> None:
-        self.batch = batch
-        self.__dict__.update(fields)
-
-    def replace(self, **fields: Any) -> ChangedBatch:
-        """As `Batch.replace`."""
-        return ChangedBatch(self, fields)
-
-    def keys(self) -> list[str]:
-        """Names of all fields, those that were added too."""
-        own = [name for name in self.__dict__ if name != "batch"]
-        return list(dict.fromkeys([*self.batch.keys(), *own]))
-
-    def copy(self) -> dict[str, Any]:
-        """As `Batch.copy`."""
-        return {name: getattr(self, name).copy() for name in self.keys()}
-
-    def __getattr__(self, name: str) -> Any:
-        if name == "batch":  # while it is copied or unpickled
-            raise AttributeError(name)
-        return getattr(self.batch, name)
-
-    def __len__(self) -> int:
-        return len(self.batch)
-
-    def __repr__(self) -> str:
-        changed = ", ".join(name for name in self.__dict__ if name != "batch")
-        return f"<smaclite_pool.ChangedBatch with other {changed} of {self.batch!r}>"

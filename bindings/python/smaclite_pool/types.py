@@ -83,6 +83,10 @@ class LayoutPart(TypedDict):
     """[features], or [units, features]."""
     features: list[str]
     """Names of the features."""
+    low: list[float]
+    """Least values of the features."""
+    high: list[float]
+    """Greatest values of the features."""
 
 
 class Scenario(TypedDict):
@@ -186,18 +190,24 @@ class LaneDescription(TypedDict):
     """Floats in the state."""
     perception_size: int
     """Entries of a snapshot's column `perception`; 0 without the options `smacv2`."""
+    n_phases: int
+    """Units whose attacks have phases in a snapshot: all with rules `starcraft`, else 0."""
     num_envs: int
     batch_size: int
     seed: int
-    autoreset: Literal["next_step", "same_step", "disabled"]
+    autoreset_mode: Literal["NextStep", "SameStep", "Disabled"]
     fields: list[str]
     obs_last_actions: int
     obs_agent_id: bool
+    team_last_actions: int
+    """Own last actions that a unit of `opponent_team` observes; 0 without one."""
     episode_limit: int | None
     """Steps, None for no limit."""
-    rules: Literal["smaclite", "paper"]
+    rules: Literal["smaclite", "paper", "starcraft-1"]
     opponents: dict[str, float]
-    """Who plays the enemies, with weights."""
+    """Who plays the enemies, with weights; "learner" is the team, if one plays them."""
+    opponent_team: str | None
+    """The trained team that plays the enemies, as it was named."""
     sides: Literal["allies"] | dict[Literal["both"], EnemySide]
     """Which sides actions play."""
     rewards: RewardOptions
@@ -238,6 +248,8 @@ class LaneStatus(TypedDict):
     """Process id of the attached learner, or of that of the allies."""
     enemy_learner_pid: int | None
     """Process id of the attached learner of the enemies, if each side has one."""
+    missing_side: str | None
+    """The side ("allies" or "enemies") whose learner has not come, while the other one waits for it."""
     spectators: int
     """How many are attached."""
     stats: LaneStats
@@ -300,7 +312,7 @@ class DatasetCard(TypedDict):
     """What `Dataset.card` is."""
 
     scenario: str
-    rules: Literal["smaclite", "paper"]
+    rules: Literal["smaclite", "paper", "starcraft-1"]
     opponents: str
     """The opponent, or several with their weights."""
     sizes: DatasetSizes

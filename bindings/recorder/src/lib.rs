@@ -49,12 +49,14 @@ impl PoolRecorder {
         let follower = Follower::connect_within(runtime_dir, pool, lane, env_ids, wait)?;
         // Files that are no scenario are an error of `replay`.
         let arena = follower.setup().arena().ok();
+        // The learner of the lane sees one side where a team plays the other.
+        let sizes = arena.as_ref().map_or(follower.description().sizes, |(_, arena)| arena.sizes());
         let fresh = match arena {
             None => Fresh::Any,
             Some((scenario, _)) if scenario.generation.is_some() || scenario.smacv2.is_some() => Fresh::None,
             Some((_, arena)) => Fresh::Units(Box::new(Battle::new(Arc::new(arena), 0).units().clone())),
         };
-        let kept = Kept::new(max_episodes, &follower.description().sizes, MAX_TEXT);
+        let kept = Kept::new(max_episodes, &sizes, MAX_TEXT);
         Ok(PoolRecorder { follower, kept, fresh })
     }
 

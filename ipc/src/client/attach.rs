@@ -1,10 +1,12 @@
 //! Attaching to a lane: the request to the supervisor, and the ports of iceoryx2.
 
+use super::epochs::Epochs;
 use super::error::ConnectError;
-use super::outstanding::Outstanding;
 use super::sampler::Sampler;
 use super::{AttachedLane, Client};
 use crate::CHECK_INTERVAL;
+use crate::connection_failures::Failures;
+use crate::connections::{PeerPorts, check_reaches_any};
 use crate::control::client::{ControlClient, ControlSocketError, RESPONSE_TIMEOUT};
 use crate::control::protocol::{ControlError, ControlRequest, ControlResponse, LaneDescription};
 use crate::memory::{PORTS, check_room, reserve_segments};
@@ -18,7 +20,7 @@ use smaclite_engine::Faction;
 use smaclite_engine::policy::Tactic;
 use smaclite_pool::WaitStrategy;
 use smaclite_pool::layout::Layout;
-use smaclite_pool::transport::{Epoch, RequestNumber, SessionId};
+use smaclite_pool::transport::{RequestNumber, SessionId};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -123,10 +125,10 @@ impl Client {
         side: Option<Faction>,
         on_leave: Option<Tactic>,
         strategy: WaitStrategy,
-        wait: WaitOptions<'_>,
+        mut wait: WaitOptions<'_>,
     ) -> Result<Client, ConnectError> {
         let request = ControlRequest::Attach { lane: lane.map(str::to_owned), side, on_leave };
-        let (control, response) = ControlClient::request(runtime_dir, pool, &request, wait)?;
+        let (mut control, response) = ControlClient::request(runtime_dir, pool, &request, wait.reborrow())?;
         let (session, mut description) = match response {
             ControlResponse::Attached { session, lane } => (session, *lane),
             ControlResponse::Refused(refusal) => return Err(refusal.into()),
@@ -139,21 +141,21 @@ impl Client {
         }
         let layout = Arc::new(layout);
         let ports = Ports::open(runtime_dir, &description, &layout);
+        let ports = ports.map_err(|error| control.cause_of(error))?;
+        connect_ports(&mut control, ports.numbers(), wait)?;
         let lane = AttachedLane {
             participant: None,
-            ports: ports.map_err(|error| control.cause_of(error))?,
+            ports,
             control,
-            outstanding: Outstanding::new(&description.settings),
-            sampler: Sampler::new(0),
+            session: SessionId(session),
+            epochs: Epochs::new(&description.settings),
+            sampler: Sampler::new(description.settings.seed),
             newest: None,
             polling: strategy.polling(description.threads),
             description,
             layout,
             side,
-            epoch: Epoch { session: SessionId(session), reset: None },
-            previous_reset: None,
             last_request: RequestNumber(0),
-            sequence: None,
             failure: None,
         };
         Ok(Client { lane: ProcessOwned::new(lane) })
@@ -171,12 +173,38 @@ impl Ports {
         let ipc_node = open_node(runtime_dir, &format!("learner of {}", lane.pool))?;
         let services = LaneServices::open(&ipc_node.node, &lane.instance, &lane.lane)?;
         let work_event = WorkEvent::open(&ipc_node.node, &lane.instance)?;
-        let requests = services.request_publisher(layout, num_envs, capacity)?;
-        reserve_segments(runtime_dir, "requests of a learner", &mut || false)?;
-        let frames = Arc::new(services.frame_port(capacity.frames_waiting, &ipc_node)?);
+        let failures = Failures::default();
+        let requests = services.request_publisher(layout, num_envs, capacity, &failures)?;
+        reserve_segments::<ConnectError>(runtime_dir, "requests of a learner", &mut || false)?;
+        let frames = Arc::new(services.frame_port(capacity.frames_waiting, &ipc_node, &failures)?);
+        failures.check()?;
         let (frame_sent, work) = (services.frame_listener()?, work_event.notifier()?);
+        check_reaches_any(&work)?;
         let _services = (services, work_event);
         Ok(Ports { requests, frames, frame_sent, work, _services, _ipc_node: ipc_node })
+    }
+
+    /// By which the supervisor finds them.
+    fn numbers(&self) -> PeerPorts {
+        PeerPorts {
+            frames: self.frames.subscriber.id().value().to_string(),
+            requests: Some(self.requests.id().value().to_string()),
+            frame_sent: Some(self.frame_sent.id().value().to_string()),
+        }
+    }
+}
+
+/// Has the supervisor connect to the ports of this process. A learner that it cannot connect to would wait
+/// without end.
+pub(crate) fn connect_ports(
+    control: &mut ControlClient,
+    ports: PeerPorts,
+    wait: WaitOptions<'_>,
+) -> Result<(), ConnectError> {
+    match control.repeat(&ControlRequest::Connect(ports), wait)?.0 {
+        ControlResponse::Connected => Ok(()),
+        ControlResponse::Refused(refusal) => Err(refusal.into()),
+        other => Err(ControlError::unexpected(&other).into()),
     }
 }
 

@@ -6,8 +6,9 @@ use crate::memory::TooLittleMemory;
 use crate::process_owned::NotOwner;
 use crate::runtime_dir::RuntimeDirError;
 use crate::services::IpcError;
-use smaclite_engine::Sizes;
+use smaclite_engine::{Faction, Sizes};
 use smaclite_pool::Rejection;
+use smaclite_pool::rejection::side_name;
 use std::time::Duration;
 
 /// Why a client could not attach.
@@ -48,10 +49,16 @@ pub enum ClientError {
     #[error("this lane has no snapshots: name the field `snapshot` among its fields when it is made")]
     NoSnapshots,
     #[error(
-        "got {given} bytes of snapshots; {envs} environments take {envs} snapshots of {size} bytes (those of \
-         another scenario have another size)"
+        "got {given} bytes of snapshots; {envs} environments take {envs} snapshots of {size} bytes{}",
+        difference.as_ref().map_or(String::new(), |difference| format!(": {difference}"))
     )]
-    WrongSnapshots { given: usize, envs: usize, size: usize },
+    WrongSnapshots {
+        given: usize,
+        envs: usize,
+        size: usize,
+        /// How the battles that they are of differ, if their bytes tell.
+        difference: Option<String>,
+    },
     #[error("this lane has no levels: name the field `level` among its fields when it is made")]
     NoLevels,
     #[error("got {given} numbers; {envs} environments take {envs} levels of {size} numbers")]
@@ -63,6 +70,11 @@ pub enum ClientError {
         in_seconds(*.0)
     )]
     Timeout(Duration),
+    #[error(
+        "no batch arrived within {} s: the learner of the {} has not attached; it is still under way: \
+         receive it later, or reset", in_seconds(*time), side_name(*missing)
+    )]
+    OtherLearnerMissing { time: Duration, missing: Faction },
     #[error(
         "the pool accepted no request for {} s: its supervisor is stopped or overloaded; nothing was sent, \
          try again",

@@ -2,30 +2,33 @@
 //! of this one; in that case the learner's thread steps environments while it waits (caller runs).
 //!
 //! `attach` opens a lane, `sending` and `receiving` are the two directions of a step, `outstanding` knows
-//! which environments work on a request, and `sampler` draws random actions.
+//! which environments work on a request, `epochs` what becomes of that when all are reset, and `sampler`
+//! draws random actions.
 
 mod attach;
+mod epochs;
 mod error;
 mod outstanding;
 mod receiving;
 mod sampler;
 mod sending;
 
-pub(crate) use attach::checked_layout;
+pub(crate) use attach::{checked_layout, connect_ports};
 pub use error::{ClientError, ConnectError};
 
 use crate::batch::Batch;
 use crate::control::client::ControlClient;
 use crate::control::protocol::LaneDescription;
 use crate::process_owned::ProcessOwned;
+use crate::services::FrameSample;
 use crate::transport::Iceoryx;
 use crate::wait_options::WaitOptions;
 use attach::Ports;
-use outstanding::Outstanding;
+use epochs::Epochs;
 use sampler::Sampler;
 use smaclite_engine::Faction;
 use smaclite_pool::layout::Layout;
-use smaclite_pool::transport::{Epoch, RequestNumber, SessionId};
+use smaclite_pool::transport::{RequestNumber, SessionId};
 use smaclite_pool::{Participant, Polling, Rejection};
 use std::sync::Arc;
 use std::time::Instant;
@@ -96,17 +99,12 @@ struct AttachedLane {
     layout: Arc<Layout>,
     /// The side of this learner, if the lane has a learner for each.
     side: Option<Faction>,
-    outstanding: Outstanding,
+    session: SessionId,
+    epochs: Epochs<FrameSample>,
     sampler: Sampler,
     /// The batch that was received last, which actions are sampled by.
     newest: Option<Arc<Batch>>,
-    epoch: Epoch,
-    /// The reset that began the epoch before: that goes on if the lane refuses the levels of the newest
-    /// reset.
-    previous_reset: Option<RequestNumber>,
     last_request: RequestNumber,
-    /// The sequence number of the last frame; `None` before the first of this epoch.
-    sequence: Option<u64>,
     /// Why the lane failed. Reported once by the lane, and by every later call.
     failure: Option<Rejection>,
     /// How to poll for a frame before blocking.
@@ -311,7 +309,7 @@ impl Client {
     pub fn sample_actions(&mut self, env_ids: Option<&[i32]>, out: &mut [i32]) -> Result<(), ClientError> {
         let lane = self.lane.get_mut()?;
         lane.check_length(out.len(), env_ids)?;
-        lane.outstanding.check_was_reset()?;
+        lane.epochs.outstanding().check_was_reset()?;
         let batch = lane.newest.as_ref().ok_or(ClientError::NoBatch)?;
         lane.sampler.fill(batch, env_ids, lane.description.settings.num_envs, out)
     }
@@ -326,7 +324,7 @@ impl Client {
     /// From now on this learner takes part in the pool of its own process.
     pub(crate) fn take_part(&mut self, participant: impl FnOnce(SessionId) -> Option<Participant<Iceoryx>>) {
         if let Ok(lane) = self.lane.get_mut() {
-            lane.participant = participant(lane.epoch.session);
+            lane.participant = participant(lane.session);
         }
     }
 

@@ -55,11 +55,11 @@ impl Outstanding {
         Ok(())
     }
 
-    /// Marks all environments busy with a reset, whether or not they work on an earlier request.
-    pub(super) fn reserve_full_reset(&mut self, number: RequestNumber) {
-        self.was_reset = true;
-        self.busy.fill(Some(number));
-        self.results = self.busy.len();
+    /// What is outstanding after a reset of all environments, whether or not they work on an earlier request.
+    pub(super) fn after_reset(&self, number: RequestNumber) -> Outstanding {
+        let results = self.busy.len();
+        let busy = vec![Some(number); results];
+        Outstanding { synchronous: self.synchronous, busy, results, was_reset: true }
     }
 
     fn reserve(&mut self, number: RequestNumber, ids: Option<&[i32]>) -> Result<(), Rejection> {
@@ -129,16 +129,16 @@ impl Outstanding {
 mod tests {
     use super::*;
 
-    /// Of three environments in batches of two.
+    /// Of three environments in batches of two, after the first reset.
     fn outstanding() -> Outstanding {
-        Outstanding::new(&LaneSettings { batch_size: 2, ..LaneSettings::new(3) })
+        let settings = LaneSettings { batch_size: 2, ..LaneSettings::new(3) };
+        Outstanding::new(&settings).after_reset(RequestNumber(1))
     }
 
     /// The refusal said "malformed request", and not what was expected.
     #[test]
     fn a_request_to_no_environment_says_what_is_expected() {
         let mut outstanding = outstanding();
-        outstanding.reserve_full_reset(RequestNumber(1));
         for refused in [
             outstanding.reserve_some(RequestNumber(2), &[]),
             outstanding.reserve_step(RequestNumber(3), Some(&[])),
@@ -151,7 +151,6 @@ mod tests {
     #[test]
     fn a_refused_request_reserves_nothing() {
         let mut outstanding = outstanding();
-        outstanding.reserve_full_reset(RequestNumber(1));
         outstanding.received(&[0, 2]);
         let mut step = |number, ids| outstanding.reserve_step(RequestNumber(number), Some(ids));
         assert!(matches!(step(2, &[0, 1]), Err(Rejection::BusyEnv { env: 1 })));
@@ -169,12 +168,10 @@ mod tests {
         let mut outstanding = outstanding();
         assert!(outstanding.names_all(&[2, 0, 1]));
         assert!(!outstanding.names_all(&[0, 1]) && !outstanding.names_all(&[0, 1, 1]));
-        outstanding.reserve_full_reset(RequestNumber(1));
         assert!(matches!(
             outstanding.reserve_some(RequestNumber(2), &[0, 1]),
             Err(Rejection::BusyEnv { env: 0 })
         ));
-        outstanding.reserve_full_reset(RequestNumber(3));
-        assert_eq!(outstanding.results(), 3);
+        assert_eq!(outstanding.after_reset(RequestNumber(3)).results(), 3);
     }
 }

@@ -6,12 +6,14 @@ use crate::CHECK_INTERVAL;
 use crate::services::doing;
 use crate::wait_options::WaitOptions;
 use crate::wire::{RequestHeader, body_offset, request_bytes};
+use smaclite_engine::{RecordLayout, RecordSizes, SnapshotError};
+use smaclite_pool::Rejection;
 use smaclite_pool::env_ids::env_index;
-use smaclite_pool::transport::RequestKind;
+use smaclite_pool::transport::{MAX_AHEAD, RequestKind};
 use std::time::{Duration, Instant};
 
-/// How long a supervisor may leave its queue of requests full. Its workers accept requests between any two
-/// runs of environments; one that does not is stopped.
+/// How long a supervisor may leave its queue of requests full. Even its busy workers look for requests after
+/// every few environments; one that does not accept any in this time is stopped.
 const SEND_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// How often to try again while the queue is full.
@@ -47,7 +49,7 @@ impl AttachedLane {
         wait: &mut WaitOptions<'_>,
     ) -> Result<(), ClientError> {
         self.check_length(actions.count(), env_ids)?;
-        self.outstanding.reserve_step(self.last_request.next(), env_ids)?;
+        self.epochs.outstanding_mut().reserve_step(self.last_request.next(), env_ids)?;
         self.send(RequestKind::Step, env_ids, Body::Actions(actions), wait)
     }
 
@@ -65,17 +67,28 @@ impl AttachedLane {
         let kind = RequestKind::Reset { seed, levels: levels.is_some() };
         let body = levels.map_or(Body::Nothing, Body::Levels);
         if let Some(ids) = env_ids
-            && !self.outstanding.names_all(ids)
+            && !self.epochs.outstanding().names_all(ids)
         {
-            self.outstanding.reserve_some(number, ids)?;
+            self.epochs.outstanding_mut().reserve_some(number, ids)?;
             return self.send(kind, env_ids, body, wait);
         }
         // Only a reset that was sent begins an epoch: otherwise results of the current one are still to come.
+        self.check_ahead()?;
         self.send(kind, env_ids, body, wait)?;
-        self.outstanding.reserve_full_reset(number);
-        self.previous_reset = self.epoch.reset.replace(number);
-        self.sequence = None;
+        // Of a plain one there is nothing to refuse, unless the learner of the other side asks for something
+        // else.
+        self.epochs.begin(number, levels.is_some() || self.side.is_some());
         Ok(())
+    }
+
+    /// Whether the learner of a side may send one request more before the other learner sends its own.
+    fn check_ahead(&self) -> Result<(), Rejection> {
+        match self.side {
+            Some(side) if self.epochs.unanswered() >= MAX_AHEAD => {
+                Err(Rejection::TooFarAhead { side, waiting: MAX_AHEAD })
+            }
+            _ => Ok(()),
+        }
     }
 
     fn check_levels(&self, levels: &[f32], env_ids: Option<&[i32]>) -> Result<(), ClientError> {
@@ -103,9 +116,39 @@ impl AttachedLane {
             return Err(ClientError::NoSnapshots);
         }
         if snapshots.len() != envs * size {
-            return Err(ClientError::WrongSnapshots { given: snapshots.len(), envs, size });
+            let difference = self.difference(snapshots, envs);
+            return Err(ClientError::WrongSnapshots { given: snapshots.len(), envs, size, difference });
         }
         self.send_to_some(RequestKind::Restore { seed }, env_ids, Body::Snapshots(snapshots), wait)
+    }
+
+    /// What differs between the battles of snapshots, of which there are `count`, and those of the lane.
+    fn difference(&self, snapshots: &[u8], count: usize) -> Option<String> {
+        let size = snapshots.len() / count.max(1);
+        let given = match RecordLayout::of(snapshots.get(..size)?) {
+            Ok(layout) => layout.sizes(),
+            Err(SnapshotError::Size { expected, .. }) if snapshots.len().is_multiple_of(expected.max(1)) => {
+                return Some(format!("these are {} snapshots", snapshots.len() / expected.max(1)));
+            }
+            Err(error) => return Some(error.to_string()),
+        };
+        let settings = &self.description.settings;
+        let expected = RecordSizes::new(&self.description.sizes, settings.n_past());
+        let units = |of: RecordSizes| (of.n_agents, of.n_enemies);
+        Some(if units(given) != units(expected) {
+            format!(
+                "they are of battles of {} agents and {} enemies, and these have {} and {}",
+                given.n_agents, given.n_enemies, expected.n_agents, expected.n_enemies
+            )
+        } else if given.n_past != expected.n_past {
+            format!(
+                "they are of a lane with `obs_last_actions` {}, and this one has {} (a team that plays the \
+                 enemies can need more of them)",
+                given.n_past, expected.n_past
+            )
+        } else {
+            "they are of battles with other options of `smacv2`".to_owned()
+        })
     }
 
     /// Sends the environments to copy, `[count]`.
@@ -142,11 +185,12 @@ impl AttachedLane {
         if self.side.is_some() {
             return Err(ClientError::OneSide);
         }
-        self.outstanding.reserve_some(self.last_request.next(), ids)?;
+        self.epochs.outstanding_mut().reserve_some(self.last_request.next(), ids)?;
         self.send(kind, Some(ids), body, wait)
     }
 
-    /// Sends a request whose environments are reserved, and frees them if it cannot be sent.
+    /// Sends a request whose environments are reserved, and frees them if it cannot be sent. Its number is
+    /// used up only if it was: the learners of two sides count together.
     fn send(
         &mut self,
         kind: RequestKind,
@@ -154,23 +198,25 @@ impl AttachedLane {
         mut body: Body<'_>,
         wait: &mut WaitOptions<'_>,
     ) -> Result<(), ClientError> {
-        self.last_request = self.last_request.next();
+        let number = self.last_request.next();
         if let Some(participant) = &mut self.participant {
             participant.join();
         }
         let count = self.count(env_ids);
-        let header =
-            RequestHeader::new(&self.layout, self.epoch.session, self.side, self.last_request, kind, count);
+        let header = RequestHeader::new(&self.layout, self.session, self.side, number, kind, count);
         let mut full_queue = None;
         loop {
             let ended = match self.try_send(&header, kind, env_ids, &mut body) {
-                Ok(true) => return Ok(()),
+                Ok(true) => {
+                    self.last_request = number;
+                    return Ok(());
+                }
                 Ok(false) if !self.control.is_alive() => Err(self.pool_died()),
                 Ok(false) => full_queue.get_or_insert_with(|| FullQueue::new(wait.timeout)).wait(wait),
                 Err(error) => Err(error),
             };
             if ended.is_err() {
-                self.outstanding.release(self.last_request);
+                self.epochs.outstanding_mut().release(number);
                 return ended;
             }
         }

@@ -131,8 +131,11 @@ pub(crate) fn peer_of(stream: &impl AsFd) -> std::io::Result<Peer> {
     Ok(Peer { pid: u32::try_from(peer.pid()).ok().filter(|pid| *pid != 0), uid: peer.uid() })
 }
 
-/// Readable when the process ends.
+/// Readable when the process ends. `None` for this one, too, whose end ends both.
 pub(crate) fn watch_process(pid: u32) -> Option<OwnedFd> {
+    if pid == std::process::id() {
+        return None;
+    }
     let pid = Pid::from_raw(i32::try_from(pid).ok()?)?;
     pidfd_open(pid, PidfdFlags::empty()).ok()
 }
@@ -274,6 +277,8 @@ impl ControlClient {
         while !self.unwritten.is_empty() {
             match self.stream.write(&self.unwritten) {
                 Ok(written) => drop(self.unwritten.drain(..written)),
+                // It may have answered before it closed the connection.
+                Err(error) if error.kind() == ErrorKind::BrokenPipe => self.unwritten.clear(),
                 Err(error) => self.wait_after(error, PollFlags::OUT, waiting)?,
             }
         }

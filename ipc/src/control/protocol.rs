@@ -2,16 +2,18 @@
 //! the supervisor. Each begins with the release and the protocol version of its sender ([`Message`]).
 
 use crate::capacity::Capacity;
+pub use crate::connections::PeerPorts;
 use serde::{Deserialize, Serialize};
 use smaclite_engine::policy::Tactic;
 use smaclite_engine::{Faction, Opponents, Rewards, Sides, Sizes};
 use smaclite_pool::fields::FIELDS;
 use smaclite_pool::layout::Layout;
+use smaclite_pool::rejection::side_name;
 use smaclite_pool::{LaneSettings, LaneStats};
 use smaclite_scenarios::ScenarioFiles;
 
 /// Increased whenever a request or response changes, or what is played again from it.
-pub const PROTOCOL_VERSION: u32 = 6;
+pub const PROTOCOL_VERSION: u32 = 7;
 
 /// The release of this program.
 pub const RELEASE: &str = env!("CARGO_PKG_VERSION");
@@ -75,6 +77,8 @@ pub enum ControlRequest {
         /// What plays the other side when its learner leaves; without it the session ends.
         on_leave: Option<Tactic>,
     },
+    /// Connect to the ports of the learner or spectator that this connection became; its second request.
+    Connect(PeerPorts),
     /// Become a spectator of a lane, or of the only lane if none is named, until the connection ends.
     Watch {
         /// The lane's name.
@@ -127,6 +131,8 @@ pub enum ControlResponse {
         /// The lane.
         lane: Box<LaneDescription>,
     },
+    /// To [`ControlRequest::Connect`]: the pool reads the learner's requests, and its frames arrive.
+    Connected,
     /// To [`ControlRequest::Watch`].
     Lane(Box<LaneDescription>),
     /// To [`ControlRequest::Scenario`] and [`ControlRequest::Follow`].
@@ -156,8 +162,13 @@ pub enum ControlError {
         "lane `{lane}` has no learner per side: its actions must play both sides, and it must be synchronous"
     )]
     NoSides { lane: String },
-    #[error("lane `{lane}` already has a learner: process {learner_pid}")]
-    LaneTaken { lane: String, learner_pid: u32 },
+    #[error("lane `{lane}` already has a learner: process {learner_pid}{}", or_side(*free_side))]
+    LaneTaken {
+        lane: String,
+        learner_pid: u32,
+        /// The side that is free, if each side of the lane has a learner of its own.
+        free_side: Option<Faction>,
+    },
     #[error("lane `{lane}` already has its {limit} spectators; serve it with more (--spectators)")]
     TooManySpectators { lane: String, limit: usize },
     #[error("lane `{lane}` already has its {limit} followers; end one of them")]
@@ -176,6 +187,10 @@ pub enum ControlError {
     NoSuchLane { lane: String, lanes: Vec<String> },
     #[error("the pool has several lanes; name one, by `lane=` or --lane: {}", names(lanes))]
     WhichLane { lanes: Vec<String> },
+    #[error("pool `{pool}` (process {pid}) could not open the shared memory of this process: {cause}")]
+    NotConnected { pool: String, pid: u32, cause: String },
+    #[error("pool `{pool}` (process {pid}) cannot accept a connection: {cause}")]
+    NotAccepted { pool: String, pid: u32, cause: String },
     #[error("{message}")]
     OtherRelease { message: String },
     #[error("lane `{lane}` failed and no longer serves: {text}")]
@@ -194,6 +209,12 @@ impl ControlError {
     pub(crate) fn unexpected(answer: &ControlResponse) -> ControlError {
         ControlError::Malformed { what: format!("unexpected answer {answer:?}") }
     }
+}
+
+/// What the learner of a whole lane can do that came to one whose learners play a side each.
+fn or_side(free: Option<Faction>) -> String {
+    let hint = |side| format!("; it plays one side, and `side=\"{}\"` is free", side_name(side));
+    free.map_or(String::new(), hint)
 }
 
 fn names(lanes: &[String]) -> String {
@@ -226,6 +247,8 @@ pub struct LaneStatus {
     pub learner_pid: Option<u32>,
     /// The process of the learner of the enemies, if each side has one; then `learner_pid` is of the allies.
     pub enemy_learner_pid: Option<u32>,
+    /// The side whose learner has not come, while that of the other side waits for it.
+    pub missing_side: Option<Faction>,
     /// Spectators that watch it.
     pub spectators: usize,
     /// Counts since the supervisor started.
@@ -259,11 +282,13 @@ pub struct LaneDescription {
     pub settings: LaneSettings,
     /// Steps after which an episode is truncated.
     pub episode_limit: Option<u32>,
-    /// The rules of its battles: `smaclite` or `paper`.
+    /// The rules of its battles: `smaclite`, `paper` or `starcraft-1`.
     pub rules: String,
-    /// Who plays the enemies.
+    /// Who plays the enemies; `learner` is the team, if one plays them.
     pub opponents: Opponents,
-    /// Which sides of its battles joint actions play.
+    /// The team that plays the enemies: a team of the zoo, such as `zoo:3m`, or the folder of a run.
+    pub opponent_team: Option<String>,
+    /// Which sides of its battles joint actions of learners play.
     pub sides: Sides,
     /// What both sides of its battles are rewarded for.
     pub rewards: Rewards,
@@ -321,12 +346,14 @@ mod tests {
                 obs_size: 80,
                 state_size: 120,
                 perception_size: 0,
+                n_phases: 0,
                 enemies: None,
             },
             settings,
             episode_limit: None,
             rules: "smaclite".to_owned(),
             opponents: Opponents::default(),
+            opponent_team: None,
             sides: Sides::default(),
             rewards: Rewards::DEFAULT,
             layout_hash: 0,

@@ -11,6 +11,8 @@ pub(super) struct AttachedLearner {
     pub(super) pid: u32,
     pub(super) side: Option<Faction>,
     pub(super) session: u64,
+    /// Its ports are connected: from now on the other learner depends on it.
+    pub(super) is_connected: bool,
     /// What plays the other side when its learner leaves.
     pub(super) on_leave: Option<Tactic>,
 }
@@ -55,6 +57,7 @@ impl ServedLane {
             description: self.description.clone(),
             learner_pid: self.pid_of(None).or(self.pid_of(Some(Faction::Ally))),
             enemy_learner_pid: self.pid_of(Some(Faction::Enemy)),
+            missing_side: self.missing_side(),
             spectators: self.spectators,
             stats,
             steps_per_s: self.steps_per_s,
@@ -65,6 +68,14 @@ impl ServedLane {
 
     fn pid_of(&self, side: Option<Faction>) -> Option<u32> {
         self.learners.iter().find(|learner| learner.side == side).map(|learner| learner.pid)
+    }
+
+    /// The side whose learner has not come, while that of the other side waits for it.
+    pub(super) fn missing_side(&self) -> Option<Faction> {
+        match &self.learners[..] {
+            [only] if !self.is_session_over => only.side.map(Faction::opponent),
+            _ => None,
+        }
     }
 
     /// The learner that stands in the way of one for this side.

@@ -8,6 +8,8 @@ use super::protocol::{
 };
 use super::served_lane::{AttachedLearner, ServedLane};
 use crate::CHECK_INTERVAL;
+use crate::connections::{LanePorts, PeerPorts};
+use crate::error::remedy;
 use crate::services::{IpcNode, LaneServices, WorkEvent};
 use crate::transport::Iceoryx;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -16,6 +18,7 @@ use smaclite_engine::policy::Tactic;
 use smaclite_pool::Pool;
 use smaclite_pool::transport::SessionId;
 use std::collections::VecDeque;
+use std::fs::File;
 use std::io::{ErrorKind, Read, Write};
 use std::os::fd::OwnedFd;
 use std::os::unix::net::{UnixListener, UnixStream};
@@ -36,6 +39,8 @@ const MAX_UNATTACHED_PER_PROCESS: usize = 32;
 /// closed, and the node is closed last.
 pub(crate) struct ControlServer {
     pub(crate) pool: Pool<Iceoryx>,
+    /// By lane.
+    pub(crate) ports: Vec<LanePorts>,
     pub(crate) lanes: Vec<ServedLane>,
     pub(crate) name: String,
     pub(crate) threads: usize,
@@ -71,11 +76,12 @@ enum Role {
     Follower(usize, Followed),
 }
 
-/// Serves until `stop` is shut down at the other end.
-pub(crate) fn serve(mut server: ControlServer, listener: UnixListener, stop: UnixStream) {
+/// Serves until `stop` is shut down at the other end. `spare` is one of [`spare_descriptor`].
+pub(crate) fn serve(mut server: ControlServer, listener: UnixListener, stop: UnixStream, spare: OwnedFd) {
     let mut connections: Vec<Connection> = Vec::new();
     let mut sessions = 0u64;
     let mut last_check = Instant::now();
+    let mut spare = Some(spare);
     loop {
         let ready = wait(&listener, &stop, &connections);
         if ready.stop {
@@ -90,12 +96,17 @@ pub(crate) fn serve(mut server: ControlServer, listener: UnixListener, stop: Uni
             match listener.accept() {
                 Ok((stream, _)) => admit(&mut connections, stream),
                 Err(error) if error.kind() == ErrorKind::WouldBlock => {}
-                // Out of file descriptors: the listener stays ready, so make room and pause.
-                Err(_) => {
-                    close_idlest(&mut connections, 0, |_| true);
+                // Out of file descriptors, most likely. The listener stays ready: if there is room now, the
+                // next round accepts the peer.
+                Err(error) => {
+                    if !close_idlest(&mut connections, 0, |_| true) {
+                        drop(spare.take());
+                        server.turn_away(&listener, &error);
+                    }
                     std::thread::sleep(Duration::from_millis(10));
                 }
             }
+            spare = spare.or_else(|| spare_descriptor().ok());
         }
         if last_check.elapsed() >= CHECK_INTERVAL {
             last_check = Instant::now();
@@ -103,6 +114,12 @@ pub(crate) fn serve(mut server: ControlServer, listener: UnixListener, stop: Uni
             server.measure();
         }
     }
+}
+
+/// A file descriptor to give up when there is no other. A pool has it from its start, or a learner of this
+/// process could take the last one before it.
+pub(crate) fn spare_descriptor() -> std::io::Result<OwnedFd> {
+    File::open("/dev/null").map(OwnedFd::from)
 }
 
 /// Accepts a new connection; closes an idle one if there are too many.
@@ -114,15 +131,18 @@ fn admit(connections: &mut Vec<Connection>, stream: UnixStream) {
     connections.push(connection);
 }
 
-/// If more than `limit` connections without a role are of that kind, closes the one that was idle longest.
-fn close_idlest(connections: &mut Vec<Connection>, limit: usize, kind: impl Fn(&Connection) -> bool) {
+/// If more than `limit` connections without a role are of that kind, closes the one that was idle longest,
+/// and returns `true`.
+fn close_idlest(connections: &mut Vec<Connection>, limit: usize, kind: impl Fn(&Connection) -> bool) -> bool {
     let unattached = connections.iter().enumerate().filter(|(_, c)| c.role == Role::None && kind(c));
     if unattached.clone().count() > limit
         && let Some((index, _)) = unattached.min_by_key(|(_, c)| c.active)
     {
         tracing::debug!(pid = connections[index].pid, "idle connection closed in favour of another");
         connections.swap_remove(index);
+        return true;
     }
+    false
 }
 
 struct Ready {
@@ -261,6 +281,7 @@ impl ControlServer {
             ControlRequest::Attach { lane, side, on_leave } => {
                 self.attach(connection, lane, side, on_leave, sessions)
             }
+            ControlRequest::Connect(ports) => self.connect(connection, &ports),
             ControlRequest::Watch { lane } => self.watch(connection, lane),
             ControlRequest::Scenario { lane } => self.scenario(lane),
             ControlRequest::Follow { lane, env_ids } => self.follow(connection, lane, env_ids),
@@ -284,7 +305,8 @@ impl ControlServer {
             return Err(ControlError::NoSides { lane: name });
         }
         if let Some(learner_pid) = lane.rival(side) {
-            return Err(ControlError::LaneTaken { lane: name, learner_pid });
+            let free_side = lane.missing_side().filter(|_| side.is_none());
+            return Err(ControlError::LaneTaken { lane: name, learner_pid, free_side });
         }
         if let Some(text) = self.pool.lane(index).failure() {
             return Err(ControlError::LaneFailed { lane: name, text: text.to_owned() });
@@ -296,10 +318,31 @@ impl ControlServer {
             *sessions = session;
             self.pool.lane(index).set_session(Some(SessionId(session)));
         }
-        lane.learners.push(AttachedLearner { pid, side, session, on_leave });
+        lane.learners.push(AttachedLearner { pid, side, session, is_connected: false, on_leave });
         connection.take_role(Role::Learner(index, side));
         tracing::info!(lane = name, pid, ?side, "learner attached");
         Ok(ControlResponse::Attached { session, lane: Box::new(lane.description.clone()) })
+    }
+
+    /// The second half of an attach, when the peer has opened its ports.
+    fn connect(
+        &mut self,
+        connection: &Connection,
+        ports: &PeerPorts,
+    ) -> Result<ControlResponse, ControlError> {
+        let (Role::Learner(index, _) | Role::Spectator(index)) = connection.role else {
+            let what = "only a learner or a spectator has ports to connect to".to_owned();
+            return Err(ControlError::Malformed { what });
+        };
+        self.ports[index].connect_to(ports).map_err(|cause| {
+            let (pool, pid) = (self.name.clone(), std::process::id());
+            ControlError::NotConnected { pool, pid, cause }
+        })?;
+        if let Role::Learner(index, side) = connection.role {
+            let learners = self.lanes[index].learners.iter_mut();
+            learners.filter(|learner| learner.side == side).for_each(|learner| learner.is_connected = true);
+        }
+        Ok(ControlResponse::Connected)
     }
 
     fn watch(
@@ -317,6 +360,19 @@ impl ControlServer {
         lane.spectators += 1;
         connection.take_role(Role::Spectator(index));
         Ok(ControlResponse::Lane(Box::new(lane.description.clone())))
+    }
+
+    /// Tells the next peer why it cannot be served.
+    fn turn_away(&self, listener: &UnixListener, error: &std::io::Error) {
+        let Ok((mut stream, _)) = listener.accept() else { return };
+        let (pool, pid) = (self.name.clone(), std::process::id());
+        let cause = format!("{error}{}", remedy(error));
+        tracing::warn!(cause, "a connection was refused");
+        let refusal = ControlResponse::Refused(ControlError::NotAccepted { pool, pid, cause });
+        let mut line = serde_json::to_vec(&Message::new(refusal)).expect("responses are plain data");
+        line.push(b'\n');
+        // A short line fits into the new socket's buffer.
+        let _ = stream.set_nonblocking(true).and_then(|()| stream.write_all(&line));
     }
 
     /// The process of a connection that may become a learner or spectator.
@@ -349,7 +405,10 @@ impl ControlServer {
                 // If it died, its successor gets the memory of the frames that it held.
                 self.ipc_node.node.try_cleanup_dead_nodes();
                 let lane = &mut self.lanes[index];
-                lane.learners.retain(|learner| learner.side != side);
+                let left = lane.learners.extract_if(.., |learner| learner.side == side).next();
+                if left.is_some_and(|left| !left.is_connected) && !lane.learners.is_empty() {
+                    return; // it never took part: the other learner goes on waiting for one
+                }
                 let other = lane.learners.first().map(|other| other.on_leave);
                 // Nobody joins the learner that is left.
                 lane.is_session_over = other.is_some();

@@ -7,6 +7,7 @@ use crate::memory::{PORTS, check_room};
 use crate::name::check_name;
 use crate::runtime_dir::RuntimeDir;
 use smaclite_engine::{Battle, BattleSetup, Rewards, Sizes};
+use smaclite_pool::enemy_team::EnemyTeam;
 use smaclite_pool::environment::{Environment, MakeEnvironment};
 use smaclite_pool::fields::Field;
 use smaclite_pool::{LaneSettings, LaneSpec, PoolOptions};
@@ -17,7 +18,13 @@ use std::time::{SystemTime, UNIX_EPOCH};
 /// The environments of a lane.
 pub enum LaneEnvs {
     /// Battles of a scenario.
-    Battle(BattleSetup),
+    Battle {
+        /// What they are played with.
+        setup: BattleSetup,
+        /// The team that plays the enemies. Then the setup has
+        /// [mirrored sides](smaclite_engine::Sides::MIRRORED), and the lane's learner is that of the agents.
+        team: Option<EnemyTeam>,
+    },
     /// Any other environment, for tests and benches.
     Other {
         /// Shown as the scenario's name.
@@ -91,6 +98,7 @@ struct PreparedEnvs {
     sizes: Sizes,
     make: MakeEnvironment,
     setup: Option<BattleSetup>,
+    team: Option<EnemyTeam>,
     rewards: Rewards,
 }
 
@@ -99,7 +107,7 @@ impl LaneConfig {
     pub fn new(name: impl Into<String>, setup: BattleSetup, num_envs: usize) -> LaneConfig {
         LaneConfig {
             name: name.into(),
-            envs: LaneEnvs::Battle(setup),
+            envs: LaneEnvs::Battle { setup, team: None },
             settings: LaneSettings::new(num_envs),
             max_held_batches: 4,
             spectators: 1,
@@ -109,7 +117,7 @@ impl LaneConfig {
     fn check(&self) -> Result<(), LaneConfigError> {
         check_name(&self.name)?;
         self.settings.check()?;
-        if let LaneEnvs::Battle(setup) = &self.envs {
+        if let LaneEnvs::Battle { setup, .. } = &self.envs {
             setup.opponents.check(setup.sides)?;
         }
         if !(2..=1024).contains(&self.max_held_batches) {
@@ -123,13 +131,15 @@ impl LaneConfig {
 
     /// Splits the configuration into what the pool builds and what learners receive.
     fn prepare(self, pool: &PoolInfo<'_>) -> Result<PreparedLane, StartError> {
-        let PreparedEnvs { scenario, episode_limit, sizes, make, setup, rewards } =
+        let PreparedEnvs { scenario, episode_limit, sizes, make, setup, team, rewards } =
             self.envs.prepare(self.settings.seed).map_err(|source| in_lane(&self.name, source.into()))?;
-        let settings = LaneSettings { fields: self.settings.frame_fields(sizes), ..self.settings };
+        let fields = self.settings.frame_fields(sizes);
+        let team_last_actions = team.as_ref().map_or(0, |team| team.last_actions);
+        let settings = LaneSettings { fields, team_last_actions, ..self.settings };
         if setup.is_none() && settings.fields.contains(Field::Snapshot) {
             return Err(in_lane(&self.name, LaneConfigError::NoSnapshots));
         }
-        let sides = setup.as_ref().map(|setup| setup.sides).unwrap_or_default();
+        let sides = setup.as_ref().filter(|_| team.is_none()).map(|setup| setup.sides).unwrap_or_default();
         let description = LaneDescription {
             pool: pool.name.to_owned(),
             pid: std::process::id(),
@@ -141,13 +151,14 @@ impl LaneConfig {
             episode_limit,
             rules: setup.as_ref().map_or(String::new(), |setup| setup.rules.to_string()),
             opponents: setup.as_ref().map(|setup| setup.opponents.clone()).unwrap_or_default(),
+            opponent_team: team.as_ref().map(|team| team.name.clone()),
             sides,
             rewards,
             layout_hash: settings.layout(settings.frame_sizes(sizes)).hash(),
             capacity: Capacity::new(&settings, sides, pool.writers, self.max_held_batches, self.spectators),
             threads: pool.threads,
         };
-        let spec = LaneSpec { name: self.name, sizes, settings, make };
+        let spec = LaneSpec { name: self.name, sizes, settings, make, team };
         Ok(PreparedLane { spec, description, setup })
     }
 }
@@ -155,20 +166,21 @@ impl LaneConfig {
 impl LaneEnvs {
     fn prepare(self, seed: u64) -> Result<PreparedEnvs, Problems> {
         Ok(match self {
-            LaneEnvs::Battle(setup) => {
+            LaneEnvs::Battle { setup, team } => {
                 let (Scenario { name: scenario, .. }, arena) = setup.arena()?;
-                let (sizes, episode_limit, rewards) =
-                    (arena.sizes(), arena.episode_limit(), *arena.rewards());
+                let (episode_limit, rewards) = (arena.episode_limit(), *arena.rewards());
+                let enemies = arena.sizes().enemies.filter(|_| team.is_none());
+                let sizes = Sizes { enemies, ..arena.sizes() };
                 let arena = Arc::new(arena);
                 let make = move |i: usize| -> Box<dyn Environment> {
                     Box::new(Battle::new(Arc::clone(&arena), seed.wrapping_add(i as u64)))
                 };
                 let (make, setup) = (Box::new(make), Some(setup));
-                PreparedEnvs { scenario, episode_limit, sizes, make, setup, rewards }
+                PreparedEnvs { scenario, episode_limit, sizes, make, setup, team, rewards }
             }
             LaneEnvs::Other { name, sizes, make } => {
                 let (scenario, rewards) = (name, Rewards::DEFAULT);
-                PreparedEnvs { scenario, episode_limit: None, sizes, make, setup: None, rewards }
+                PreparedEnvs { scenario, episode_limit: None, sizes, make, setup: None, team: None, rewards }
             }
         })
     }

@@ -1,7 +1,7 @@
 //! The control thread of a supervisor: its private socket, its start and its end.
 
 use super::error::{StartError, system};
-use crate::control::server::{ControlServer, serve};
+use crate::control::server::{ControlServer, serve, spare_descriptor};
 use crate::runtime_dir::PRIVATE;
 use rustix::fs::{Mode, fchmod};
 use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType, bind, listen, socket_with};
@@ -24,11 +24,12 @@ impl ControlThread {
     /// Listens at `socket`, whose path only this pool uses.
     pub(super) fn start(server: ControlServer, socket: &Path) -> Result<ControlThread, StartError> {
         let (stop, stopped) = UnixStream::pair().map_err(system("making a socket pair"))?;
+        let spare = spare_descriptor().map_err(system("opening /dev/null"))?;
         let _ = std::fs::remove_file(socket); // of a dead pool: this one has the lock of the name
         let opening = format!("opening the control socket {}", socket.display());
         let listener = private_listener(socket).map_err(system(opening))?;
         let thread = std::thread::Builder::new().name("smaclite-control".to_owned());
-        let thread = thread.spawn(move || serve(server, listener, stopped));
+        let thread = thread.spawn(move || serve(server, listener, stopped, spare));
         Ok(ControlThread { stop, thread: Some(thread.map_err(system("starting a thread"))?) })
     }
 }

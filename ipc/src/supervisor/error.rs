@@ -27,7 +27,7 @@ pub enum StartError {
     Memory(#[from] TooLittleMemory),
     #[error(transparent)]
     Ipc(#[from] IpcError),
-    #[error(transparent)]
+    #[error("{error}{}", thread_remedy(.0), error = .0)]
     Pool(#[from] PoolStartError),
     #[error("the start was interrupted")]
     Interrupted,
@@ -55,6 +55,14 @@ pub enum LaneConfigError {
     MaxHeldBatches(usize),
     #[error("spectators must be between 0 and 64, got {0}")]
     Spectators(usize),
+}
+
+/// The remedy for a thread that was refused.
+fn thread_remedy(error: &PoolStartError) -> String {
+    match error {
+        PoolStartError::Thread(source) => remedy(source),
+        PoolStartError::Transport(_) => String::new(),
+    }
 }
 
 /// Adds what was being done to an error of the operating system.

@@ -12,6 +12,8 @@ pub use error::{LaneConfigError, StartError};
 pub(crate) use name_lock::NameLock;
 
 use crate::client::{Client, ConnectError};
+use crate::connection_failures::Failures;
+use crate::connections::LanePorts;
 use crate::control::protocol::LaneDescription;
 use crate::control::served_lane::ServedLane;
 use crate::control::server::ControlServer;
@@ -68,16 +70,17 @@ impl Supervisor {
         let served = lanes.iter().map(|lane| ServedLane::new(lane.description.clone(), lane.setup.clone()));
         let served = served.collect();
         let started = start_pool(&ipc_node.node, &instance, lanes, options);
-        let (pool, services) = started.map_err(|error| match error {
+        let (pool, ports, services) = started.map_err(|error| match error {
             StartError::Ipc(error) => StartError::Ipc(error.at(&runtime_dir)),
             other => other,
         })?;
-        if !reserve_segments(&runtime_dir, "frames of all lanes", interrupted)? {
+        if !reserve_segments::<StartError>(&runtime_dir, "frames of all lanes", interrupted)? {
             return Err(StartError::Interrupted);
         }
         let handle = ProcessOwned::new(pool.handle());
         let server = ControlServer {
             pool,
+            ports,
             lanes: served,
             name: name.clone(),
             threads,
@@ -150,21 +153,28 @@ fn start_pool(
     instance: &str,
     lanes: Vec<PreparedLane>,
     options: PoolOptions,
-) -> Result<(Pool<Iceoryx>, Services), StartError> {
+) -> Result<(Pool<Iceoryx>, Vec<LanePorts>, Services), StartError> {
     let work = WorkEvent::create(node, instance, lanes.len())?;
     let bell = WorkBell { listener: work.listener()?, notifier: work.notifier()? };
-    let mut services = Vec::new();
-    let mut parts = Vec::new();
+    let (mut services, mut ports, mut parts) = (Vec::new(), Vec::new(), Vec::new());
     for PreparedLane { spec, description, .. } in lanes {
         let capacity = description.capacity;
         let layout = Arc::new(spec.layout());
         let lane = LaneServices::create(node, instance, &spec.name, capacity)?;
-        let inlet = RequestInlet { subscriber: lane.request_subscriber()?, layout: Arc::clone(&layout) };
-        let publisher = lane.frame_publisher(&layout, capacity)?;
-        let outlet = FrameOutlet { publisher, notifier: lane.frame_notifier()?, layout, sequence: 0 };
-        parts.push((spec, inlet, outlet));
+        let failures = Failures::default();
+        let subscriber = Arc::new(lane.request_subscriber(&failures)?);
+        let publisher = Arc::new(lane.frame_publisher(&layout, capacity, &failures)?);
+        let notifier = Arc::new(lane.frame_notifier()?);
+        ports.push(LanePorts {
+            requests: Arc::clone(&subscriber),
+            frames: Arc::clone(&publisher),
+            notifier: Arc::clone(&notifier),
+            failures,
+        });
+        let inlet = RequestInlet { subscriber, layout: Arc::clone(&layout) };
+        parts.push((spec, inlet, FrameOutlet { publisher, notifier, layout, sequence: 0 }));
         services.push(lane);
     }
     let pool = Pool::start(parts, bell, options)?;
-    Ok((pool, (work, services)))
+    Ok((pool, ports, (work, services)))
 }

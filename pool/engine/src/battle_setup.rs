@@ -107,7 +107,7 @@ mod tests {
             assert_eq!(serde_json::to_string(&limit).unwrap(), text);
             assert_eq!(serde_json::from_str::<EpisodeLimit>(text).unwrap(), limit);
         }
-        for rules in [Rules::Smaclite, Rules::Paper] {
+        for rules in Rules::ALL {
             assert_eq!(serde_json::to_value(rules).unwrap(), rules.to_string());
             assert_eq!(serde_json::from_value::<Rules>(rules.to_string().into()).unwrap(), rules);
         }

@@ -88,11 +88,6 @@ impl Arena {
         self.sizes().n_units() * LEVEL_COLUMNS.len()
     }
 
-    /// The battle-wide ids of agents and then enemies, by their numbers in their factions.
-    fn actors(&self) -> impl Iterator<Item = u32> + Clone {
-        self.agents.iter().chain(&self.enemies).copied()
-    }
-
     /// Checks that a battle of this arena can begin with a level.
     ///
     /// # Errors
@@ -103,7 +98,7 @@ impl Arena {
             return Err(LevelError::Size { given, expected });
         }
         let n_agents = self.agents.len();
-        for (place, (row, id)) in rows(level).zip(self.actors()).enumerate() {
+        for (place, (row, id)) in rows(level).zip(self.ids_by_place()).enumerate() {
             self.check_row(row, id, Actor::at(place, n_agents))?;
         }
         let lives = |row: &Row| row.alive == 1.0;
@@ -200,5 +195,5 @@ pub(crate) fn describe(arena: &Arena, units: &Units, level: &mut Vec<f32>) {
         let alive = f32::from(u8::from(units.alive[i]));
         [arena.approaches[i].unit_type as f32, x, y, (units.hp[i] / full) as f32, alive]
     };
-    refill(level, arena.actors().flat_map(row));
+    refill(level, arena.ids_by_place().flat_map(row));
 }

@@ -10,6 +10,7 @@ use crate::random::Generator;
 use crate::sides::Sides;
 use crate::tactic::Tactic;
 use smaclite_scenarios::ScenarioFiles;
+use smaclite_units::file::or_did_you_mean;
 
 /// What plays the enemies in one episode.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -67,7 +68,8 @@ impl Opponent {
 
     /// The names of all opponents, as text.
     pub fn names() -> String {
-        Opponent::ALL.map(Opponent::name).join(", ")
+        let scripts: Vec<&str> = Opponent::scripts().map(Opponent::name).collect();
+        format!("{}, and {} with sides `both`", scripts.join(", "), Opponent::Learner.name())
     }
 
     /// Its index in [`ALL`](Self::ALL).
@@ -103,7 +105,11 @@ pub struct Opponents {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum OpponentsError {
     /// A name that no opponent has.
-    #[error("unknown opponent `{0}`; the opponents are {names}", names = Opponent::names())]
+    #[error(
+        "unknown opponent `{0}`; the opponents are {names}{hint}",
+        names = Opponent::names(),
+        hint = or_did_you_mean(.0, Opponent::ALL.map(Opponent::name))
+    )]
     Unknown(String),
     /// A weight that is no share.
     #[error("the weight of opponent `{name}` must be a number above 0, got {given}")]
@@ -119,6 +125,12 @@ pub enum OpponentsError {
     /// Nobody gives actions to the enemies.
     #[error("opponent `learner` needs sides `both`, so that the actions of the enemies are given")]
     OneSide,
+    /// A learner whose actions no battle reads.
+    #[error(
+        "sides `both` needs opponent `learner`, because the actions of the enemies are given, got `{0}`: \
+         omit the opponent, mix it with `learner`, or choose sides `allies`"
+    )]
+    NoLearner(String),
     /// No name.
     #[error("at least one opponent must be named: {names}", names = Opponent::names())]
     None,
@@ -161,6 +173,21 @@ impl Opponents {
         if own.is_empty() { Err(OpponentsError::None) } else { Ok(Opponents { weights: own }) }
     }
 
+    /// The names and weights in a text such as `NAME` or `NAME=WEIGHT,NAME=WEIGHT`.
+    ///
+    /// # Errors
+    /// If a weight is not a number.
+    pub fn named_in(text: &str) -> Result<Vec<(String, f64)>, OpponentsError> {
+        let pair = |part: &str| {
+            let (name, weight) = part.rsplit_once('=').unwrap_or((part, "1"));
+            let (name, weight) = (name.trim().to_owned(), weight.trim());
+            let error = || OpponentsError::Weight { name: name.clone(), given: weight.to_owned() };
+            let weight = weight.parse().map_err(|_| error())?;
+            Ok((name, weight))
+        };
+        text.split(',').filter(|part| !part.trim().is_empty()).map(pair).collect()
+    }
+
     /// Who plays the enemies where nothing else is said: the learner if joint actions play both sides, else
     /// the opponent that the scenario file names, else attack-move.
     pub fn of(files: &ScenarioFiles, sides: Sides) -> Opponents {
@@ -174,13 +201,19 @@ impl Opponents {
         *self == Opponents::default()
     }
 
-    /// Checks that there is somebody who plays each opponent.
+    /// Checks that joint actions play the enemies in some episodes if they have numbers for them, and in none
+    /// otherwise.
     ///
     /// # Errors
-    /// If the joint actions are those of the agents alone, and an opponent is [`Opponent::Learner`].
+    /// If the joint actions are those of the agents alone, and an opponent is [`Opponent::Learner`]; or if
+    /// they play both sides, and no opponent is: then the enemies' actions would never be carried out.
     pub fn check(&self, sides: Sides) -> Result<(), OpponentsError> {
         let has_learner = self.weights.iter().any(|(opponent, _)| *opponent == Opponent::Learner);
-        if has_learner && !sides.are_both() { Err(OpponentsError::OneSide) } else { Ok(()) }
+        match (sides.are_both(), has_learner) {
+            (false, true) => Err(OpponentsError::OneSide),
+            (true, false) => Err(OpponentsError::NoLearner(self.to_string())),
+            _ => Ok(()),
+        }
     }
 
     /// The opponents and their weights.
@@ -211,15 +244,7 @@ impl FromStr for Opponents {
     type Err = OpponentsError;
 
     fn from_str(text: &str) -> Result<Opponents, OpponentsError> {
-        let pair = |part: &str| {
-            let (name, weight) = part.split_once('=').unwrap_or((part, "1"));
-            let (name, weight) = (name.trim().to_owned(), weight.trim());
-            let error = || OpponentsError::Weight { name: name.clone(), given: weight.to_owned() };
-            let weight = weight.parse().map_err(|_| error())?;
-            Ok((name, weight))
-        };
-        let parts = text.split(',').filter(|part| !part.trim().is_empty());
-        Opponents::new(parts.map(pair).collect::<Result<Vec<(String, f64)>, OpponentsError>>()?)
+        Opponents::new(Opponents::named_in(text)?)
     }
 }
 
@@ -281,6 +306,9 @@ mod tests {
     fn what_names_no_opponents_is_an_error_that_says_what_is_accepted() {
         let error = |text: &str| text.parse::<Opponents>().unwrap_err().to_string();
         assert!(error("kites").starts_with("unknown opponent `kites`; the opponents are attack_move, "));
+        assert!(error("kites").ends_with(" (did you mean `kite`?)"));
+        assert!(error("focusfire").ends_with(", and learner with sides `both` (did you mean `focus_fire`?)"));
+        assert!(error("zoo:3m").ends_with(", and learner with sides `both`"));
         assert!(error("").contains("at least one opponent"));
         assert_eq!(error("kite,kite=2"), "opponent `kite` is named twice");
         for weight in ["0", "-1", "nan", "inf", "half"] {
@@ -292,5 +320,21 @@ mod tests {
         assert!(
             serde_json::from_str::<Opponents>(r#"{"holds": 1}"#).unwrap_err().to_string().contains("holds")
         );
+    }
+
+    /// With a script alone, the numbers for the enemies would have no effect, and a learner would see zeros.
+    #[test]
+    fn numbers_for_the_enemies_and_a_learner_who_gives_them_come_together() {
+        let both = Sides::Both(crate::EnemySide::default());
+        let check = |text: &str, sides| {
+            text.parse::<Opponents>().unwrap().check(sides).map_err(|error| error.to_string())
+        };
+        for (text, sides) in [("kite", Sides::Allies), ("learner", both), ("learner=1,kite=3", both)] {
+            assert_eq!(check(text, sides), Ok(()), "{text}");
+        }
+        assert!(check("learner=1,kite=3", Sides::Allies).unwrap_err().contains("needs sides `both`"));
+        let error = check("hold,kite=2", both).unwrap_err();
+        assert!(error.contains("needs opponent `learner`"), "{error}");
+        assert!(error.contains("got `kite=2,hold=1`"), "{error}");
     }
 }

@@ -5,7 +5,13 @@
 
 use smaclite_scenarios::Rewards;
 
-use crate::smacv2::End;
+/// How a battle ended, for one side.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum End {
+    Won,
+    Lost,
+    Draw,
+}
 
 /// What a side did and lost in a step, in points.
 #[derive(Clone, Copy, Debug, Default)]
@@ -39,8 +45,15 @@ impl Points {
 
 /// Points as a reward.
 pub(crate) fn scaled(points: f64, options: &Rewards, greatest: f64) -> f64 {
+    if !options.scale {
+        return points;
+    }
+    // The return of a win over one unit is at least its health. Only SMACv2's published code scales by any
+    // number, where negative points can cancel the health; rewards remain finite then.
+    let is_too_near_0 = greatest.abs() < smaclite_units::MIN_POSITIVE;
+    let greatest = if is_too_near_0 { smaclite_units::MIN_POSITIVE } else { greatest };
     // Two divisions, as in the published environment: the last bit depends on it.
-    if options.scale { points / (greatest / options.scale_rate) } else { points }
+    points / (greatest / options.scale_rate)
 }
 
 /// Adds to what the units of a side earned themselves, by battle-wide id, an equal part of what none of them

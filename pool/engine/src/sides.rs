@@ -43,6 +43,9 @@ pub enum SidesError {
 }
 
 impl Sides {
+    /// Both, where the enemies see the map as what was trained as allies does: a team that plays them.
+    pub const MIRRORED: Sides = Sides::Both(EnemySide { mirror: true, zero_sum: false });
+
     /// The sides of this name, `allies` or `both`.
     ///
     /// # Errors

@@ -20,6 +20,9 @@ pub struct Sizes {
     /// are no battles.
     #[serde(default)]
     pub perception_size: usize,
+    /// Units with phases in a snapshot: all under rules `starcraft`, else 0.
+    #[serde(default)]
+    pub n_phases: usize,
     /// What differs for the enemies, if joint actions play them too.
     pub enemies: Option<EnemySizes>,
 }
@@ -54,6 +57,7 @@ impl Sizes {
                 obs_size,
                 state_size,
                 perception_size: self.perception_size,
+                n_phases: self.n_phases,
                 enemies: None,
             }),
         }

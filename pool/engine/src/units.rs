@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::arena::Arena;
 use crate::buffers::refill;
+use crate::rules::Rules;
 
 /// The changing part of every unit of a battle, indexed by battle-wide id; all columns have equal lengths.
 ///
@@ -40,6 +41,37 @@ pub struct Units {
     /// Whether the unit holds an attack that it declared and has not executed. Between ticks this is only
     /// true of a unit that was killed before its turn and healed in the same tick (R4).
     pub declared: Vec<bool>,
+    /// What units are about under rules `starcraft`; empty under the others.
+    pub phases: Vec<AttackPhase>,
+}
+
+/// What a unit is about under rules `starcraft`. Times are in seconds, and count down to 0.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct AttackPhase {
+    /// Until the damage point of the attack that has begun; 0 if none has.
+    pub windup: f64,
+    /// Until the unit walks again without a new order.
+    pub backswing: f64,
+    /// Until it looks for targets again.
+    pub look: f64,
+    /// Until the next hit arrives.
+    pub hit_time: f64,
+    /// The target of the attack that has begun.
+    pub target: Option<u32>,
+    /// The target of the last attack.
+    pub last: Option<u32>,
+    /// What the hits in flight are for.
+    pub hit_target: Option<u32>,
+    /// Where that was.
+    pub hit_at: Vec2,
+    /// Where the unit marches to while it attack-moves.
+    pub goal: Vec2,
+    /// Where the unit faces, as a direction; 0 before it first walks or attacks.
+    pub facing: Vec2,
+    /// How many hits are in flight.
+    pub hits: u32,
+    /// Whether it looks at once and as far as it must, since a unit of its side was hit near it.
+    pub is_alarmed: bool,
 }
 
 impl Units {
@@ -59,6 +91,7 @@ impl Units {
         self.alive.clone_from(&other.alive);
         self.target.clone_from(&other.target);
         self.declared.clone_from(&other.declared);
+        self.phases.clone_from(&other.phases);
     }
 
     /// Sets every unit to its state at the start of an episode.
@@ -76,6 +109,8 @@ impl Units {
         refill(&mut self.alive, all_stats().map(|_| true));
         refill(&mut self.target, all_stats().map(|_| None));
         refill(&mut self.declared, all_stats().map(|_| false));
+        let phases = all_stats().filter(|_| arena.rules == Rules::Starcraft);
+        refill(&mut self.phases, phases.map(|_| AttackPhase::default()));
     }
 }
 

@@ -3,6 +3,7 @@
 
 import { titleCase } from "#view/battle.js";
 import { byId, make } from "#view/dom.js";
+import { isText, nameOf } from "./scenario.js";
 
 /** @import { Choices, TeamInfo } from "./protocol.d.ts" */
 /** @import { SharedBattle } from "./link.js" */
@@ -30,8 +31,8 @@ export class ChoiceBar {
   fill() {
     const { scenarios, generated, opponents, policies, teams } = this.choices;
     const maps = [group("Maps", scenarios), group("Drawn teams", generated)];
-    if (this.opened !== null)
-      maps.unshift(group("Opened", [this.opened], (text) => nameOf(text) ?? "your scenario"));
+    const own = new Set([this.opened ?? "", ...teams.map(({ source }) => source)].filter(isText));
+    if (own.size) maps.unshift(group("Opened", [...own], (text) => nameOf(text) ?? "your scenario"));
     byId("scenario").replaceChildren(...maps);
     byId("opponent").replaceChildren(
       make("option", { value: "" }, "The map's own"),
@@ -52,22 +53,30 @@ export class ChoiceBar {
       (id) => byId(id).value,
     );
     const chosen = { scenario, team, opponent, seed: seed.trim() };
-    const { teams, scenarios } = this.choices,
+    const { teams } = this.choices,
       trained = teams.find(({ name }) => name === team),
       map = nameOf(scenario) ?? scenario;
     if (changed === "team") this.wantsTrained = trained !== undefined;
     if (trained?.scenario === map) return chosen;
     // A trained team plays the units that it was trained with.
-    if (trained && changed === "team" && scenarios.includes(trained.scenario))
-      return { ...chosen, scenario: trained.scenario };
+    if (trained && changed === "team") return { ...chosen, scenario: trained.source };
     const fitting = this.wantsTrained ? teams.find(({ scenario }) => scenario === map) : undefined;
     return trained || fitting ? { ...chosen, team: fitting?.name ?? DEFAULT_TEAM } : chosen;
   }
 
+  /**
+   * Takes in the teams after one was opened.
+   * @param {TeamInfo[]} teams
+   */
+  take(teams) {
+    this.choices.teams = teams;
+    this.wantsTrained = true;
+    this.fill();
+  }
+
   /** @param {Pick<SharedBattle, "scenario" | "team" | "opponent" | "seed">} battle */
   show(battle) {
-    const isText = battle.scenario.trimStart().startsWith("{");
-    if (isText && battle.scenario !== this.opened) {
+    if (isText(battle.scenario) && battle.scenario !== this.opened) {
       this.opened = battle.scenario;
       this.fill();
     }
@@ -98,16 +107,3 @@ function group(label, values, text = String) {
  * @param {TeamInfo} team
  */
 const labelOf = ({ name, scenario }) => (name === scenario ? `${name} team` : name);
-
-/**
- * The name in the text of a scenario file.
- * @param {string} text
- * @returns {string | null}
- */
-function nameOf(text) {
-  try {
-    return JSON.parse(text).name ?? null;
-  } catch {
-    return null;
-  }
-}

@@ -2,8 +2,9 @@
 // EpisodeList: the episodes of an opened replay.
 
 import { all, byId, make } from "#view/dom.js";
+import { counted } from "#view/numbers.js";
 import { RESULTS } from "#view/player.js";
-import { through } from "./link.js";
+import { textOf } from "./files.js";
 
 /** @import { Engine } from "./engine.js" */
 /** @import { EpisodeInfo } from "./protocol.d.ts" */
@@ -25,7 +26,7 @@ export class EpisodeList {
    * @param {Uint8Array<ArrayBuffer>} bytes
    */
   async read(engine, name, bytes) {
-    const replay = new TextDecoder().decode(await through(bytes, new DecompressionStream("gzip")));
+    const replay = await textOf(name, bytes);
     const { episodes, program } = engine.request({ type: "open_replay", name, replay });
     this.show(episodes);
     const which = episodes.length === 1 ? "The episode" : `All ${episodes.length} episodes`;
@@ -49,7 +50,7 @@ export class EpisodeList {
     const button = make("button", { type: "button", title: `Checksum ${episode.checksum}` }, [
       make("span", {}, String(index + 1)),
       make("span", { className: `dot ${result}` }, RESULTS[result]),
-      make("span", {}, `${episode.steps} steps`),
+      make("span", {}, counted(episode.steps, "step")),
       make("span", {}, episode.return.toFixed(2)),
     ]);
     button.addEventListener("click", () => this.open(index));

@@ -1,27 +1,36 @@
 // @ts-check
-// Files that are opened or dropped on the page: a replay, a scenario, or those of a trained team.
+// Files that are opened or dropped on the page: a replay, a scenario with its unit files, or those of a
+// trained team.
 
 import { byId } from "#view/dom.js";
+import { through } from "./link.js";
+import { nameOf } from "./scenario.js";
 
+/** @import { TextFile } from "./protocol.d.ts" */
+/**
+ * A file, and its path in the folder that was dropped.
+ * @typedef {{ path: string, file: File }} Opened
+ */
 /**
  * What the page does with files.
  * @typedef {object} Openers
  * @property {(name: string, bytes: Uint8Array<ArrayBuffer>) => Promise<void>} replay
- * @property {(text: string) => void} scenario
+ * @property {(files: TextFile[]) => void} scenario
  * @property {(name: string, run: string, weights: Uint8Array) => void} team
  * @property {(error: unknown) => void} fail
  */
 
-/** The weights of a run that play, the best ones first. */
-const WEIGHTS = ["best.safetensors", "weights.safetensors"];
+const SUFFIXES = [".smreplay", ".json", ".safetensors"];
+/** Folders in folders that are looked into: unit files may be in one of their own. */
+const DEEPEST = 3;
 
 /** @param {Openers} openers */
 export function listenToFiles(openers) {
-  /** @param {Promise<File[]>} files */
+  /** @param {Promise<Opened[]>} files */
   const open = (files) => files.then((list) => openFiles(list, openers)).catch(openers.fail);
   byId("open").addEventListener("click", () => byId("files").click());
   byId("files").addEventListener("change", () => {
-    open(Promise.resolve([...byId("files").files]));
+    open(Promise.resolve([...byId("files").files].map((file) => ({ path: file.name, file }))));
     byId("files").value = ""; // the same file can be opened again
   });
   addEventListener("dragover", (event) => {
@@ -39,57 +48,118 @@ export function listenToFiles(openers) {
 /**
  * The files that were dropped, and those in folders that were.
  * @param {DataTransfer} data
- * @returns {Promise<File[]>}
+ * @returns {Promise<Opened[]>}
  */
 async function droppedFiles(data) {
-  const entries = [...data.items].map((item) => item.webkitGetAsEntry?.()).filter((entry) => entry !== null);
-  if (!entries.some((entry) => entry?.isDirectory)) return [...data.files];
-  const lists = await Promise.all(
-    entries.map((entry) => (entry?.isDirectory ? filesIn(/** @type {any} */ (entry)) : [])),
-  );
-  return [...data.files].filter((file) => file.size && file.name.includes(".")).concat(lists.flat());
+  const entries = [...data.items].map((item) => item.webkitGetAsEntry?.());
+  if (entries.some((entry) => !entry)) return [...data.files].map((file) => ({ path: file.name, file }));
+  const all = entries.map((entry) => filesIn(/** @type {FileSystemEntry} */ (entry), "", DEEPEST));
+  return (await Promise.all(all)).flat();
 }
 
 /**
- * The files of a folder.
- * @param {FileSystemDirectoryEntry} folder
- * @returns {Promise<File[]>}
+ * The files of an entry that the page may read.
+ * @param {FileSystemEntry} entry
+ * @param {string} folder
+ * @param {number} depth
+ * @returns {Promise<Opened[]>}
  */
-async function filesIn(folder) {
+async function filesIn(entry, folder, depth) {
+  const path = folder + entry.name;
+  if (entry.isFile) {
+    /** @type {File} */
+    const file = await new Promise((done, fail) => /** @type {any} */ (entry).file(done, fail));
+    return [{ path, file }];
+  }
+  if (!depth) return [];
+  const reader = /** @type {FileSystemDirectoryEntry} */ (entry).createReader();
   /** @type {FileSystemEntry[]} */
-  const entries = await new Promise((done, fail) => folder.createReader().readEntries(done, fail));
-  const files = entries.filter((entry) => entry.isFile).map((entry) => fileOf(/** @type {any} */ (entry)));
-  return Promise.all(files);
+  const entries = [];
+  for (;;) {
+    /** @type {FileSystemEntry[]} */
+    const some = await new Promise((done, fail) => reader.readEntries(done, fail));
+    if (!some.length) break; // browsers give a hundred at a time
+    entries.push(...some);
+  }
+  const kept = entries.filter(
+    ({ isFile, name }) => !isFile || SUFFIXES.some((suffix) => name.endsWith(suffix)),
+  );
+  return (await Promise.all(kept.map((one) => filesIn(one, `${path}/`, depth - 1)))).flat();
 }
 
 /**
- * @param {FileSystemFileEntry} entry
- * @returns {Promise<File>}
- */
-const fileOf = (entry) => new Promise((done, fail) => entry.file(done, fail));
-
-/**
- * Opens a replay, a team or a scenario, whichever is there first.
- * @param {File[]} files
+ * Opens a replay, a team or a scenario: of a folder what is in it, not what is in folders below.
+ * @param {Opened[]} files
  * @param {Openers} openers
  */
 export async function openFiles(files, openers) {
-  const named = (/** @type {string} */ name) => files.find((file) => file.name === name);
-  const replay = files.find((file) => file.name.endsWith(".smreplay"));
-  if (replay) return openers.replay(replay.name, await bytesOfFile(replay));
-  const run = named("run.json"),
-    weights = WEIGHTS.map(named).find(Boolean) ?? files.find((file) => file.name.endsWith(".safetensors"));
-  if (run && weights) {
-    const { config, files: scenario } = JSON.parse(await run.text());
-    const trainedIn = /([^/]+)\.json$/.exec(scenario?.source ?? "")?.[1] ?? "team";
-    return openers.team(`${trainedIn}, seed ${config?.seed}`, await run.text(), await bytesOfFile(weights));
+  /** @param {Opened} opened */
+  const depth = ({ path }) => path.split("/").length;
+  const readable = files.filter(({ path }) => SUFFIXES.some((suffix) => path.endsWith(suffix)));
+  const least = Math.min(...readable.map(depth)),
+    first = readable.filter((opened) => depth(opened) === least);
+  const replay = first.find(({ path }) => path.endsWith(".smreplay"));
+  if (replay) return openers.replay(replay.file.name, await bytesOfFile(replay.file));
+  const runs = first.filter(({ file }) => file.name === "run.json"),
+    weights = first.filter(({ path }) => path.endsWith(".safetensors"));
+  if (runs.length > 1) throw new Error("these are several teams; open the folder of one");
+  if (runs.length) return openTeam(await runs[0].file.text(), weights, openers);
+  if (weights.length) throw new Error(`open the run.json of the team together with ${weights[0].file.name}`);
+  const texts = readable.filter(({ path }) => path.endsWith(".json"));
+  if (!texts.length)
+    throw new Error(
+      "open a replay (.smreplay), a scenario (.json) and its unit files, or run.json and weights of a team",
+    );
+  const read = texts.map(async ({ file }) => ({ name: file.name, text: await file.text() }));
+  openers.scenario(await Promise.all(read));
+}
+
+/**
+ * @param {string} run
+ * @param {Opened[]} weights
+ * @param {Openers} openers
+ */
+async function openTeam(run, weights, openers) {
+  const { name, seed, plays } = describe(run),
+    named = plays.map((best) => weights.find(({ file }) => file.name === best)),
+    file = (named.find(Boolean) ?? weights[0])?.file;
+  if (!file) throw new Error(`run.json is that of a team; open ${plays.join(" or ")} together with it`);
+  openers.team(`${name}, seed ${seed}`, run, await bytesOfFile(file));
+}
+
+/**
+ * What a run is called, and which of its weights play, as `Weights::of` in bindings/learn/src/description.rs
+ * has it: in self-play the last ones. What is damaged, the engine finds out.
+ * @param {string} run
+ */
+function describe(run) {
+  /** @type {any} */
+  let file = {};
+  try {
+    file = JSON.parse(run);
+  } catch {
+    // The engine says where.
   }
-  const scenario = files.find((file) => file.name.endsWith(".json") && file !== run);
-  if (scenario) return openers.scenario(await scenario.text());
-  throw new Error(
-    "open a replay (.smreplay), a scenario (.json), or run.json and weights of a trained team together",
-  );
+  const plays = ["best.safetensors", "weights.safetensors"];
+  if (file.config?.enemies?.self_play) plays.reverse();
+  return { name: nameOf(run) ?? "team", seed: file.config?.seed, plays };
 }
 
 /** @param {File} file */
 const bytesOfFile = async (file) => new Uint8Array(await file.arrayBuffer());
+
+/**
+ * The text in a replay file.
+ * @param {string} name
+ * @param {Uint8Array<ArrayBuffer>} bytes
+ */
+export async function textOf(name, bytes) {
+  if (bytes[0] !== 0x1f || bytes[1] !== 0x8b)
+    throw new Error(`${name} is not a replay: it must be JSON compressed by gzip`);
+  try {
+    return new TextDecoder().decode(await through(bytes, new DecompressionStream("gzip")));
+  } catch (cause) {
+    // What the browser says names neither the file nor the reason.
+    throw new Error(`${name} is damaged or incomplete: it cannot be decompressed`, { cause });
+  }
+}

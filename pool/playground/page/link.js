@@ -1,12 +1,19 @@
 // @ts-check
 // Links: a battle as the part of an address after `#`, as `scenario=2s3z&seed=1&team=nearest&actions=...`. It
-// is all that is needed to play the battle again, to the bit.
+// is all that is needed to play the battle again, to the bit. A link that the page made begins with a
+// checksum, because chat programs cut links; one that a person wrote has none.
+
+import { isText } from "./scenario.js";
 
 /**
- * A battle: its scenario (a name, or the text of a file), who plays, and the joint actions of its steps.
- * @typedef {{ scenario: string, seed: string, opponent: string, team: string, actions: number[],
+ * A battle: its scenario (as `Source` in src/protocol.rs has it), who plays, and the joint actions of its
+ * steps. @typedef {{ scenario: string, seed: string, opponent: string, team: string, actions: number[],
  *   taken: number[] }} SharedBattle
  */
+
+/** What a link can have; `theme` is read by #view/theme.js. */
+const KEYS = ["check", "scenario", "file", "seed", "opponent", "team", "actions", "taken", "theme"];
+const INCOMPLETE = "the link is incomplete or was changed; copy all of it";
 
 /**
  * Passes bytes through a stream that compresses or decompresses.
@@ -35,9 +42,24 @@ async function packed(bytes) {
 
 /** @param {string} text */
 async function unpacked(text) {
-  const binary = atob(text.replaceAll("-", "+").replaceAll("_", "/"));
-  const bytes = Uint8Array.from(binary, (letter) => letter.charCodeAt(0));
-  return through(bytes, new DecompressionStream("deflate-raw"));
+  try {
+    const binary = atob(text.replaceAll("-", "+").replaceAll("_", "/"));
+    const bytes = Uint8Array.from(binary, (letter) => letter.charCodeAt(0));
+    return await through(bytes, new DecompressionStream("deflate-raw"));
+  } catch (cause) {
+    throw new Error(INCOMPLETE, { cause }); // what the browser says names neither link nor reason
+  }
+}
+
+/**
+ * A checksum of what a link says: FNV-1a, 32 bits.
+ * @param {URLSearchParams} link
+ */
+function checkOf(link) {
+  const said = new URLSearchParams([...link].filter(([key]) => key !== "check" && key !== "theme"));
+  let sum = 0x811c9dc5;
+  for (const byte of new TextEncoder().encode(said.toString())) sum = Math.imul(sum ^ byte, 0x01000193);
+  return (sum >>> 0).toString(16).padStart(8, "0");
 }
 
 /**
@@ -46,8 +68,7 @@ async function unpacked(text) {
  */
 export async function linkOf({ scenario, seed, opponent, team, actions, taken }) {
   const link = new URLSearchParams();
-  if (scenario.trimStart().startsWith("{"))
-    link.set("file", await packed(new TextEncoder().encode(scenario)));
+  if (isText(scenario)) link.set("file", await packed(new TextEncoder().encode(scenario)));
   else link.set("scenario", scenario);
   link.set("seed", seed);
   if (opponent) link.set("opponent", opponent);
@@ -56,7 +77,7 @@ export async function linkOf({ scenario, seed, opponent, team, actions, taken })
   const bytes = Uint8Array.from(actions.flatMap((action) => [action & 255, action >> 8]));
   if (actions.length) link.set("actions", await packed(bytes));
   if (taken.length) link.set("taken", taken.join("."));
-  return link.toString();
+  return `check=${checkOf(link)}&${link}`;
 }
 
 /**
@@ -66,9 +87,16 @@ export async function linkOf({ scenario, seed, opponent, team, actions, taken })
  * @returns {Promise<SharedBattle>}
  */
 export async function battleOf(text, defaults) {
-  const link = new URLSearchParams(text);
+  const link = new URLSearchParams(text),
+    check = link.get("check");
+  if (check !== null && check !== checkOf(link)) throw new Error(INCOMPLETE);
+  const unknown = [...link.keys()].find((key) => !KEYS.includes(key));
+  if (unknown !== undefined) throw new Error(`a link has no \`${unknown}\`; it has ${KEYS.join(", ")}`);
   const [file, actions, taken] = ["file", "actions", "taken"].map((key) => link.get(key));
   const bytes = actions ? await unpacked(actions) : new Uint8Array();
+  if (bytes.length % 2) throw new Error(INCOMPLETE);
+  if (taken && !/^\d+(\.\d+)*$/.test(taken))
+    throw new Error(`\`taken\` must be numbers of agents with a dot between them, got \`${taken}\``);
   const scenario = file ? new TextDecoder().decode(await unpacked(file)) : link.get("scenario");
   return {
     scenario: scenario ?? defaults.scenario,

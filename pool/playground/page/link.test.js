@@ -31,6 +31,38 @@ test("a long battle is a short link", async () => {
   assert.ok((await linkOf({ ...defaults, actions })).length < 200);
 });
 
-test("actions that are damaged are an error", async () => {
-  await assert.rejects(battleOf("scenario=3m&actions=AAAA", defaults));
+const INCOMPLETE = { message: "the link is incomplete or was changed; copy all of it" };
+
+// The page said "Failed to fetch", or "Failed to execute 'atob'".
+test("actions and files that are damaged are a link that is incomplete", async () => {
+  for (const link of ["actions=AAAA", "actions=A", "actions=%25", "file=abc", "actions=YwAAAAD__w"])
+    await assert.rejects(battleOf(`scenario=3m&${link}`, defaults), INCOMPLETE, link);
+});
+
+// Most cuts left a link that was one of another battle, such as seed 1 of seed 12.
+test("a link that is cut anywhere is not played as another battle", async () => {
+  const battle = {
+    ...defaults,
+    scenario: "3m",
+    seed: "12",
+    opponent: "kite",
+    actions: [1, 2, 6],
+    taken: [0, 2],
+  };
+  const link = await linkOf(battle);
+  for (let length = "check=0123abcd".length; length < link.length; length++)
+    await assert.rejects(battleOf(link.slice(0, length), defaults), INCOMPLETE, link.slice(0, length));
+  await assert.rejects(battleOf(`${link}.`, defaults), INCOMPLETE);
+  assert.deepEqual(await battleOf(`${link}&theme=dark`, defaults), battle);
+});
+
+test("what a link does not have is named", async () => {
+  await assert.rejects(
+    battleOf("nonsense", defaults),
+    /a link has no `nonsense`; it has check, scenario, file/,
+  );
+  await assert.rejects(
+    battleOf("scenario=3m&taken=a", defaults),
+    /`taken` must be numbers of agents .*, got `a`/,
+  );
 });

@@ -3,7 +3,7 @@
 // and begins the battle of the link.
 
 import { titleCase } from "#view/battle.js";
-import { byId } from "#view/dom.js";
+import { byId, isTouch } from "#view/dom.js";
 import { theme } from "#view/theme.js";
 import { inflate } from "#view/track.js";
 import { DEFAULT_TEAM } from "./choices.js";
@@ -55,21 +55,19 @@ async function start(data) {
   const engine = await Engine.load(await inflate(data.engine));
   for (const team of data.teams) engine.request({ type: "add_team", ...team });
   const { page, note } = await firstPage(engine);
-  page.note(note ?? GUIDES[matchMedia("(pointer: coarse)").matches ? "touch" : "mouse"]);
+  page.note(note ?? GUIDES[isTouch() ? "touch" : "mouse"]);
   page.warn();
   listenToFiles({
     replay: (name, bytes) => page.openReplay(name, bytes),
-    scenario: (scenario) => page.choose({ ...page.shared, scenario, team: DEFAULT_TEAM, opponent: "" }),
+    scenario: (files) => {
+      const { scenario } = engine.request({ type: "open_scenario", files });
+      page.choose({ ...page.shared, scenario, team: DEFAULT_TEAM, opponent: "" });
+    },
     team: (name, run, weights) => {
-      page.choices.choices.teams = engine.request({
-        type: "add_team",
-        name,
-        run,
-        weights: base64(weights),
-      }).teams;
-      page.choices.fill();
-      byId("team").value = name;
-      page.choose(page.choices.chosen("team"));
+      const { teams } = engine.request({ type: "add_team", name, run, weights: base64(weights) });
+      page.choices.take(teams);
+      const scenario = teams.find((team) => team.name === name)?.source ?? "";
+      page.choose({ ...page.shared, scenario, team: name, opponent: "" });
     },
     fail: (error) => page.fail(error),
   });
@@ -79,10 +77,17 @@ async function start(data) {
       page.begin(source, team, actions, taken);
       if (note) page.note(note);
     } catch (error) {
-      page.fail(error);
+      page.fail(refusal(error));
     }
   });
 }
+
+/**
+ * Why the battle of the address is not shown.
+ * @param {unknown} error
+ */
+const refusal = (error) =>
+  new Error(`The battle of this link cannot be played: ${/** @type {Error} */ (error).message}`);
 
 /**
  * The page with the battle of its address, or if that is refused, with the first one and the reason.
@@ -101,8 +106,7 @@ async function firstPage(engine) {
     return await open(location.hash.slice(1));
   } catch (error) {
     const first = await open("");
-    const { message } = /** @type {Error} */ (error);
-    first.page.fail(new Error(`The battle of this link cannot be played: ${message}`));
+    first.page.fail(refusal(error));
     return first;
   }
 }

@@ -42,6 +42,10 @@ export class Playground extends Commander {
     this.begun = begun;
     /** Counts battles. */
     this.serial = 0;
+    /**
+     * The last tick that was shown. What follows is played already, and not to be known before it is seen.
+     */
+    this.seen = 0;
     this.steps = 0;
     this.episodeReturn = 0;
     /** @type {EpisodeResult | null} */
@@ -86,6 +90,11 @@ export class Playground extends Commander {
   /** Whether the battle waits for a person at its end. */
   get isLive() {
     return this.taken.size > 0 && this.result === null;
+  }
+
+  /** What chart and timeline may show: of a recording all. */
+  get knownUntil() {
+    return this.source.kind === "scenario" ? Math.max(this.seen, this.clock.time) : Infinity;
   }
 
   /** Whether the team plays on by itself. */
@@ -153,6 +162,7 @@ export class Playground extends Commander {
    */
   restart(taken) {
     this.serial++;
+    this.seen = 0;
     this.result = null;
     this.arena.taken = new Set(taken);
     this.show(new Track(this.begun.scenario));
@@ -198,7 +208,6 @@ export class Playground extends Commander {
     try {
       this.begin({ kind: "scenario", scenario, seed, opponent }, team);
       this.episodes.clear();
-      this.toggle();
     } catch (error) {
       this.fail(error);
       this.choices.show(this.shared);
@@ -310,6 +319,7 @@ export class Playground extends Commander {
   /** @param {number} now */
   frame(now) {
     super.frame(now);
+    this.seen = Math.max(this.seen, this.clock.time);
     const { clock } = this,
       left = (clock.end - clock.time) / (TICKS_PER_SECOND * clock.speed);
     const isFarAhead = clock.end - clock.time > FARTHEST_AHEAD;

@@ -1,12 +1,12 @@
 // Written by a test of src/protocol.rs: SMACLITE_WRITE=1 cargo test -p smaclite-playground
 import type { AgentOrder, EpisodeResult, Features, Order, ScenarioInfo } from "#view/data.d.ts";
 
-export type Request = { "type": "get_choices", } | { "type": "add_team" } & TeamFiles | { "type": "open_replay", name: string, 
+export type Request = { "type": "get_choices", } | { "type": "add_team" } & TeamFiles | { "type": "open_scenario", files: Array<TextFile>, } | { "type": "open_replay", name: string, 
 /**
  * The file's text; the page decompresses it.
  */
 replay: string, } | { "type": "begin_battle" } & BeginBattle | { "type": "play_steps", steps: number, } | { "type": "give_orders", orders: Array<AgentOrder>, } | { "type": "take_agents", agents: Array<number>, } | { "type": "get_observation", step: number, agent: number, } | { "type": "get_replay", } | { "type": "move_unit", unit: number, x: number, y: number, } | { "type": "paint_map", rows: Array<string>, };
-export type Response = { "type": "get_choices" } & Choices | { "type": "add_team", teams: Array<TeamInfo>, } | { "type": "open_replay" } & OpenedReplay | { "type": "begin_battle" } & BegunBattle | { "type": "play_steps" } & PlayedSteps | { "type": "give_orders", orders: Array<Order>, } | { "type": "take_agents", } | { "type": "get_observation", obs: Array<number>, } | { "type": "get_replay" } & ReplayFile | { "type": "move_unit", scenario: string, } | { "type": "paint_map", scenario: string, };
+export type Response = { "type": "get_choices" } & Choices | { "type": "add_team", teams: Array<TeamInfo>, } | { "type": "open_scenario", scenario: string, } | { "type": "open_replay" } & OpenedReplay | { "type": "begin_battle" } & BegunBattle | { "type": "play_steps" } & PlayedSteps | { "type": "give_orders", orders: Array<Order>, } | { "type": "take_agents", } | { "type": "get_observation", obs: Array<number>, } | { "type": "get_replay" } & ReplayFile | { "type": "move_unit", scenario: string, } | { "type": "paint_map", scenario: string, };
 export type Outcome = { "response": Response } | { "error": string };
 export type Choices = { 
 /**
@@ -27,9 +27,13 @@ opponents: Array<string>,
 policies: Array<string>, teams: Array<TeamInfo>, };
 export type TeamInfo = { name: string, 
 /**
- * The scenario that it was trained in.
+ * The name of the scenario that it was trained in.
  */
-scenario: string, };
+scenario: string, 
+/**
+ * That scenario as [`Source::Scenario`] has it.
+ */
+source: string, };
 export type TeamFiles = { name: string, 
 /**
  * The text of `run.json`.
@@ -39,6 +43,11 @@ run: string,
  * The weights, safetensors in base64.
  */
 weights: string, };
+export type TextFile = { 
+/**
+ * Its name, without folders.
+ */
+name: string, text: string, };
 export type BeginBattle = { of: Source, 
 /**
  * The script or trained team that plays the agents.
@@ -55,7 +64,8 @@ actions: Array<number> | null,
 taken: Array<number>, };
 export type Source = { "kind": "scenario", 
 /**
- * A name, or the text of a scenario file.
+ * A name, the text of a scenario file, or what `run.json` has of a battle: an object with the key
+ * `files`, which has unit files too.
  */
 scenario: string, 
 /**
@@ -68,7 +78,7 @@ seed: string,
 opponent: string, } | { "kind": "episode", episode: number, };
 export type BegunBattle = { scenario: ScenarioInfo, features: Array<Features>, 
 /**
- * The scenario as [`Source::Scenario`] has it, for another battle: its name if it is a standard one.
+ * The scenario as [`Source::Scenario`] has it, for another battle.
  */
 source: string, rules: string, 
 /**

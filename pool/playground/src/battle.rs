@@ -198,12 +198,12 @@ impl PlayedBattle {
         Ok(own.ok_or(BattleError::NoSuchAgent { agent, n_agents: sizes.n_agents })?.to_vec())
     }
 
-    /// The text of its scenario with a unit that starts elsewhere.
+    /// The source of its scenario with a unit that starts elsewhere.
     pub fn with_moved_unit(&self, unit: usize, x: f64, y: f64) -> Result<String, BattleError> {
         Ok(self.game.with_moved_unit(unit, x, y)?)
     }
 
-    /// The text of its scenario with another map.
+    /// The source of its scenario with another map.
     pub fn with_terrain(&self, rows: &[String]) -> String {
         self.game.with_terrain(rows)
     }

@@ -1,9 +1,10 @@
 //! What a battle is played with, and how it begins.
 
 use crate::protocol::Source;
+use crate::source::{SourceError, setup_of, source_of};
 use serde_json::{Value, json};
-use smaclite_engine::{Arena, BattleSetup, Opponent, Opponents, OpponentsError, SnapshotError};
-use smaclite_scenarios::{Placement, Problems, Scenario, ScenarioError, ScenarioFiles};
+use smaclite_engine::{Arena, BattleSetup, Opponent, Opponents, OpponentsError, Sides, SnapshotError};
+use smaclite_scenarios::{Placement, Problems, Scenario};
 use smaclite_units::Keyword;
 use smaclite_view::{Recorder, Replay, ReplayError};
 use std::sync::Arc;
@@ -12,7 +13,7 @@ use std::sync::Arc;
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum GameError {
     #[error(transparent)]
-    Unknown(#[from] ScenarioError),
+    Source(#[from] SourceError),
     #[error("the scenario is not valid: {0}")]
     Invalid(Problems),
     #[error(transparent)]
@@ -34,6 +35,8 @@ pub(crate) enum GameError {
 /// What a battle is played with.
 pub(crate) struct Game {
     pub setup: BattleSetup,
+    /// The same before an opponent was chosen: what the source of another battle says.
+    own: BattleSetup,
     pub scenario: Scenario,
     pub arena: Arc<Arena>,
     /// The seed of its generator.
@@ -49,20 +52,15 @@ impl Game {
         }
     }
 
-    fn of_scenario(name_or_text: &str, seed: &str, opponent: &str) -> Result<(Game, Recorder), GameError> {
-        let files = if name_or_text.trim_start().starts_with('{') {
-            ScenarioFiles { source: "scenario".into(), text: name_or_text.into(), unit_files: Vec::new() }
-        } else {
-            ScenarioFiles::resolve(name_or_text)?.1
-        };
-        let setup = BattleSetup::new(files);
+    fn of_scenario(source: &str, seed: &str, opponent: &str) -> Result<(Game, Recorder), GameError> {
+        let own = setup_of(source)?;
         let opponents = match opponent {
-            "" => setup.opponents.clone(),
+            "" => own.opponents.clone(),
             name => Opponents::from(Opponent::from_name(name)?),
         };
-        opponents.check(setup.sides)?;
+        opponents.check(own.sides)?;
         let seed = seed.parse().map_err(|_| GameError::Seed(seed.to_owned()))?;
-        Game::of_setup(BattleSetup { opponents, ..setup }, seed)
+        Game::of_setup(BattleSetup { opponents, ..own.clone() }, own, seed)
     }
 
     fn of_episode(episode: usize, replay: Option<&Replay>) -> Result<(Game, Recorder), GameError> {
@@ -71,7 +69,9 @@ impl Game {
         let (Some(replay), Some(recorded)) = (replay, episodes.get(episode)) else {
             return Err(GameError::Episode { episode, n_episodes });
         };
-        let (game, mut recorder) = Game::of_setup(replay.setup().clone(), recorded.start.seed)?;
+        let (setup, seed) = (replay.setup().clone(), recorded.start.seed);
+        let own = setup.clone().with_sides(Sides::default()); // another battle is one of the agents alone
+        let (game, mut recorder) = Game::of_setup(setup, own, seed)?;
         match &recorded.snapshot {
             Some(snapshot) => recorder.begin_at(snapshot)?,
             None => recorder.begin(recorded.start, recorded.opponent),
@@ -79,21 +79,28 @@ impl Game {
         Ok((game, recorder))
     }
 
-    fn of_setup(setup: BattleSetup, seed: u64) -> Result<(Game, Recorder), GameError> {
+    fn of_setup(setup: BattleSetup, own: BattleSetup, seed: u64) -> Result<(Game, Recorder), GameError> {
         let recorder = Recorder::new(setup.clone(), seed).map_err(|error| match error {
             ReplayError::Scenario(problems) => GameError::Invalid(problems),
             other => other.into(),
         })?;
         let (scenario, arena) = (recorder.scenario().clone(), recorder.battle().arena().clone());
-        Ok((Game { setup, scenario, arena, seed }, recorder))
+        Ok((Game { setup, own, scenario, arena, seed }, recorder))
     }
 
-    /// The name of the scenario if it is a standard one, else the text of its file.
-    pub fn source(&self) -> &str {
-        if self.setup.files.is_standard() { &self.scenario.name } else { &self.setup.files.text }
+    /// The scenario as a request has it.
+    pub fn source(&self) -> String {
+        source_of(&self.own, &self.scenario)
     }
 
-    /// The text of the scenario with a unit that starts elsewhere; whether it can start there, reading tells.
+    /// The same with other keys of the scenario file.
+    fn with_keys<const N: usize>(&self, keys: [(&str, Value); N]) -> String {
+        let files = self.own.files.with_keys(keys.map(|(key, value)| (key.to_owned(), value)));
+        source_of(&BattleSetup { files, ..self.own.clone() }, &self.scenario)
+    }
+
+    /// The source of the scenario with a unit that starts elsewhere; whether it can start there, reading
+    /// tells.
     pub fn with_moved_unit(&self, unit: usize, x: f64, y: f64) -> Result<String, GameError> {
         let Scenario { units, unit_types, generation, .. } = &self.scenario;
         if generation.is_some() {
@@ -107,16 +114,19 @@ impl Game {
         let group = |(id, placed): (usize, &Placement)| {
             let [x, y] = if id == unit { [x, y] } else { placed.position };
             let name = unit_types[placed.unit_type].name.as_str();
+            // A unit file is called as the scenario file calls it, which may be by a path.
+            let file = self.own.files.unit_files.iter().find(|file| file.name == name);
+            let name = file.and_then(|file| file.keys.first()).map_or(name, String::as_str);
             json!({"x": x, "y": y, "faction": placed.faction.name(), "units": {name: 1}})
         };
         let groups = units.iter().enumerate().map(group).collect();
-        Ok(self.setup.files.with_keys([("groups".to_owned(), groups)]).text)
+        Ok(self.with_keys([("groups", groups)]))
     }
 
-    /// The text of the scenario with the map of these rows, as files have them; reading tells what is wrong.
+    /// The source of the scenario with the map of these rows, as files have them; reading tells what is
+    /// wrong.
     pub fn with_terrain(&self, rows: &[String]) -> String {
-        let keys = [("terrain", json!(rows)), ("terrain_preset", Value::Null)];
-        self.setup.files.with_keys(keys.map(|(key, value)| (key.to_owned(), value))).text
+        self.with_keys([("terrain", json!(rows)), ("terrain_preset", Value::Null)])
     }
 
     /// What is probably a mistake in a scenario that somebody has changed or written.

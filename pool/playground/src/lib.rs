@@ -25,6 +25,7 @@ mod game;
 mod network;
 mod protocol;
 mod session;
+mod source;
 mod team;
 
 pub use session::Session;

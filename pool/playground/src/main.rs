@@ -41,10 +41,12 @@ const MODULES: &[Module] = modules![
     "painter.js",
     "playground.js",
     "playground_view.js",
+    "scenario.js",
     "share.js",
 ];
 
-/// The weights of a run that play, the best ones first.
+/// The weights of a run that play, the best ones first. In self-play it is the other way round, and such
+/// teams are opened on the page (`page/files.js`).
 const WEIGHTS: [&str; 2] = ["best.safetensors", "weights.safetensors"];
 
 fn main() -> ExitCode {
@@ -97,10 +99,10 @@ fn team(folder: &Path) -> Result<Value, Box<dyn Error>> {
     let weights = WEIGHTS.iter().map(|name| folder.join(name)).find(|path| path.is_file());
     let weights = weights.ok_or_else(|| format!("`{}` has no weights", folder.display()))?;
     let bytes = read(&weights)?;
+    Team::read(&name, &run, &bytes)?; // a page does not find out that a team is damaged
     let tensors = SafeTensors::deserialize(&bytes)?.tensors();
     let actor = tensors.into_iter().filter(|(name, _)| name.starts_with("actor."));
     let actor = safetensors::serialize(actor, None)?;
-    Team::read(&name, &run, &actor)?; // a page does not find out that a team is damaged
     Ok(json!({ "name": name, "run": run, "weights": STANDARD.encode(actor) }))
 }
 

@@ -43,6 +43,8 @@ pub(crate) enum WeightsError {
     Width(Vec<usize>),
     #[error("`{0}` has a number that is not finite")]
     NotFinite(String),
+    #[error("the checksum differs, so they are damaged")]
+    Checksum,
 }
 
 impl Network {
@@ -57,6 +59,7 @@ impl Network {
             return Err(WeightsError::Width(widths.to_vec()));
         }
         let arrays = SafeTensors::deserialize(bytes)?;
+        check_sum(bytes, &arrays)?;
         let pairs = widths.windows(2).enumerate();
         let layers = pairs.map(|(i, pair)| {
             let (n_in, n_out) = (pair[0], pair[1]);
@@ -110,4 +113,24 @@ fn array(arrays: &SafeTensors<'_>, name: String, shape: &[usize]) -> Result<Vec<
     let bytes = tensor.data().as_chunks::<4>().0;
     let values: Vec<f32> = bytes.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
     if values.iter().all(|value| value.is_finite()) { Ok(values) } else { Err(WeightsError::NotFinite(name)) }
+}
+
+/// Compares the checksum in the metadata with that of names and elements, as `smaclite-learn`'s `tensors.rs`
+/// does. Files that learners in Python write have none.
+fn check_sum(bytes: &[u8], arrays: &SafeTensors<'_>) -> Result<(), WeightsError> {
+    let (_, metadata) = SafeTensors::read_metadata(bytes)?;
+    let Some(stored) = metadata.metadata().as_ref().and_then(|metadata| metadata.get("crc32c")) else {
+        return Ok(());
+    };
+    let mut tensors = arrays.tensors();
+    tensors.sort_unstable_by(|a, b| a.0.cmp(&b.0)); // a file has them in another order
+    let parts = tensors.iter().flat_map(|(name, tensor)| [name.as_bytes(), tensor.data()]);
+    let sum = !parts.flatten().fold(u32::MAX, |sum, &byte| crc32c_append(sum, byte));
+    if *stored == format!("{sum:08x}") { Ok(()) } else { Err(WeightsError::Checksum) }
+}
+
+/// CRC-32C with another byte, bit by bit: a table would be larger than what it saves.
+fn crc32c_append(sum: u32, byte: u8) -> u32 {
+    const CASTAGNOLI: u32 = 0x82f6_3b78; // reflected
+    (0..8).fold(sum ^ u32::from(byte), |sum, _| (sum >> 1) ^ ((sum & 1) * CASTAGNOLI))
 }

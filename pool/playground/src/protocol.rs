@@ -16,6 +16,8 @@ pub(crate) enum Request {
     GetChoices {},
     /// Adds a trained team.
     AddTeam(TeamFiles),
+    /// Reads a scenario file and the unit files that it names.
+    OpenScenario { files: Vec<TextFile> },
     /// Reads a replay, and checks that this engine plays every tick of it as it was recorded.
     OpenReplay {
         name: String,
@@ -53,6 +55,10 @@ pub(crate) enum Response {
     AddTeam {
         teams: Vec<TeamInfo>,
     },
+    /// The scenario as [`Source::Scenario`] has it.
+    OpenScenario {
+        scenario: String,
+    },
     OpenReplay(OpenedReplay),
     BeginBattle(Box<BegunBattle>),
     PlaySteps(PlayedSteps),
@@ -66,11 +72,11 @@ pub(crate) enum Response {
         obs: Vec<f32>,
     },
     GetReplay(ReplayFile),
-    /// The text of its file.
+    /// As [`Source::Scenario`] has it.
     MoveUnit {
         scenario: String,
     },
-    /// The text of its file.
+    /// As [`Source::Scenario`] has it.
     PaintMap {
         scenario: String,
     },
@@ -105,8 +111,19 @@ pub(crate) struct Choices {
 #[cfg_attr(test, derive(TS))]
 pub(crate) struct TeamInfo {
     pub name: String,
-    /// The scenario that it was trained in.
+    /// The name of the scenario that it was trained in.
     pub scenario: String,
+    /// That scenario as [`Source::Scenario`] has it.
+    pub source: String,
+}
+
+/// A text file that a person opens.
+#[derive(Clone, Debug, Deserialize)]
+#[cfg_attr(test, derive(TS))]
+pub(crate) struct TextFile {
+    /// Its name, without folders.
+    pub name: String,
+    pub text: String,
 }
 
 /// The files of a trained team.
@@ -141,7 +158,8 @@ pub(crate) struct BeginBattle {
 pub(crate) enum Source {
     /// A battle of a scenario.
     Scenario {
-        /// A name, or the text of a scenario file.
+        /// A name, the text of a scenario file, or what `run.json` has of a battle: an object with the key
+        /// `files`, which has unit files too.
         scenario: String,
         /// A whole number; as a text, because JavaScript has no 64-bit integers.
         seed: String,
@@ -160,7 +178,7 @@ pub(crate) struct BegunBattle {
     pub scenario: ScenarioInfo,
     #[cfg_attr(test, ts(type = "Array<Features>"))]
     pub features: Vec<Features>,
-    /// The scenario as [`Source::Scenario`] has it, for another battle: its name if it is a standard one.
+    /// The scenario as [`Source::Scenario`] has it, for another battle.
     pub source: String,
     pub rules: String,
     /// Who plays the enemies.
@@ -249,6 +267,7 @@ mod tests {
             Choices,
             TeamInfo,
             TeamFiles,
+            TextFile,
             BeginBattle,
             Source,
             BegunBattle,

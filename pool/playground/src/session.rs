@@ -6,6 +6,7 @@ use crate::protocol::{
     BeginBattle, BegunBattle, Choices, EpisodeInfo, OpenedReplay, Outcome, Request, Response, Source,
     TeamFiles, TeamInfo,
 };
+use crate::source::{SourceError, opened};
 use crate::team::{Team, TeamError};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -31,6 +32,8 @@ enum SessionError {
     Battle(#[from] BattleError),
     #[error(transparent)]
     Team(#[from] TeamError),
+    #[error(transparent)]
+    Source(#[from] SourceError),
     #[error("no team is called so, and {0}")]
     Policy(#[from] UnknownPolicy),
     #[error("`weights` must be base64: {0}")]
@@ -61,6 +64,7 @@ impl Session {
         Ok(match request {
             Request::GetChoices {} => Response::GetChoices(self.choices()),
             Request::AddTeam(files) => self.add_team(&files)?,
+            Request::OpenScenario { files } => Response::OpenScenario { scenario: opened(files)? },
             Request::OpenReplay { name, replay } => Response::OpenReplay(self.open(&name, &replay)?),
             Request::BeginBattle(begin) => Response::BeginBattle(Box::new(self.begin(&begin)?)),
             Request::PlaySteps { steps } => Response::PlaySteps(battle?.play(steps)?),
@@ -91,7 +95,11 @@ impl Session {
     }
 
     fn team_infos(&self) -> Vec<TeamInfo> {
-        let info = |team: &Rc<Team>| TeamInfo { name: team.name().into(), scenario: team.scenario().into() };
+        let info = |team: &Rc<Team>| TeamInfo {
+            name: team.name().into(),
+            scenario: team.scenario().into(),
+            source: team.source().into(),
+        };
         self.teams.iter().map(info).collect()
     }
 
@@ -133,7 +141,7 @@ impl Session {
         let begun = BegunBattle {
             scenario: scenario_info(&game.scenario, &game.arena),
             features: features_info(&game.scenario),
-            source: game.source().to_owned(),
+            source: game.source(),
             rules: game.setup.rules.to_string(),
             opponent,
             seed: game.seed.to_string(),

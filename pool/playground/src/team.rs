@@ -1,10 +1,11 @@
 //! Trained teams, from the files that `smaclite-pool train` leaves in a folder.
 
-use crate::network::{Activation, Network, WeightsError};
+use crate::network::{Network, WeightsError};
+use crate::source::{RunConfig, RunFile, source_of};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
-use serde::Deserialize;
-use smaclite_engine::{Arena, Battle, BattleSetup, Scratch, Sizes, action};
+use serde::de::Error;
+use smaclite_engine::{Arena, Battle, Scratch, Sides, Sizes, action};
 use smaclite_scenarios::Problems;
 
 /// A trained team.
@@ -12,8 +13,10 @@ use smaclite_scenarios::Problems;
 pub struct Team {
     /// What the page calls it.
     name: String,
-    /// The scenario that it was trained in.
+    /// The name of the scenario that it was trained in.
     scenario: String,
+    /// That scenario as a request has it.
+    source: String,
     /// The sizes of its side; `obs_size` includes the last actions.
     sizes: Sizes,
     last_actions: usize,
@@ -36,23 +39,6 @@ pub enum TeamError {
     Unfit { name: String, trained_in: String, expected: String, given: String },
 }
 
-/// What matters here of `run.json`.
-#[derive(Deserialize)]
-struct RunFile {
-    config: RunConfig,
-    #[serde(flatten)]
-    setup: BattleSetup,
-}
-
-#[derive(Deserialize)]
-struct RunConfig {
-    hidden: Vec<usize>,
-    #[serde(default)]
-    activation: Activation,
-    #[serde(default)]
-    last_actions: usize,
-}
-
 impl Team {
     /// Reads a team from the text of its `run.json` and the bytes of its weights.
     ///
@@ -64,8 +50,14 @@ impl Team {
             Ok(run) => run,
             Err(error) => return Err(TeamError::Run { name, error }),
         };
-        let RunConfig { hidden, activation, last_actions } = run.config;
-        let (scenario, arena) = match run.setup.arena() {
+        let Some(RunConfig { hidden, activation, last_actions }) = run.config else {
+            return Err(TeamError::Run { name, error: Error::missing_field("config") });
+        };
+        let setup = match run.setup.sides {
+            Sides::Allies => run.setup,
+            Sides::Both(_) => run.setup.with_sides(Sides::Allies), // it plays the agents here
+        };
+        let (scenario, arena) = match setup.arena() {
             Ok(pair) => pair,
             Err(error) => return Err(TeamError::Scenario { name, error }),
         };
@@ -78,7 +70,8 @@ impl Team {
             let why = why.to_string();
             TeamError::Weights { name: name.clone(), why }
         })?;
-        Ok(Team { name, scenario: scenario.name, sizes, last_actions, network })
+        let source = source_of(&setup, &scenario);
+        Ok(Team { name, scenario: scenario.name, source, sizes, last_actions, network })
     }
 
     /// What it is called.
@@ -89,6 +82,11 @@ impl Team {
     /// The scenario that it was trained in.
     pub fn scenario(&self) -> &str {
         &self.scenario
+    }
+
+    /// That scenario as a request of a page has it.
+    pub(crate) fn source(&self) -> &str {
+        &self.source
     }
 
     /// The sizes of its side; `obs_size` includes the last actions.

@@ -8,13 +8,15 @@
 //! behind it.
 
 use super::Lane;
-use super::pairing::{Halves, Incoming, Joint};
+use super::pairing::{Halves, Incoming, Joint, Paired};
 use crate::autoreset::Autoreset;
 use crate::env_ids::env_index;
 use crate::hosted_env::Task;
 use crate::rejection::Rejection;
-use crate::sync::{Ordering, lock};
-use crate::transport::{Epoch, Inlet, Message, Request, RequestKind, RequestNumber, SessionId, Transport};
+use crate::sync::{MutexGuard, Ordering, lock};
+use crate::transport::{
+    Epoch, Inlet, MAX_AHEAD, Message, Received, Request, RequestKind, RequestNumber, SessionId, Transport,
+};
 use crate::work::Work;
 use smaclite_engine::{Actor, Faction};
 use std::hint::black_box;
@@ -95,20 +97,35 @@ pub(crate) enum Accepted {
     Work(usize),
 }
 
+/// What a lane has to accept or to refuse.
+enum Arrival<M> {
+    Nothing,
+    Malformed(Rejection),
+    /// A request that cannot even wait.
+    Refused(M, Rejection),
+    Request(Incoming<M>),
+}
+
 impl<T: Transport> Lane<T> {
     /// Receives the next request and accepts or refuses it.
     pub(crate) fn accept(&self) -> Accepted {
         let mut intake = lock(&self.intake);
-        let Some(message) = self.next_message(&mut intake) else { return Accepted::Nothing };
-        let joint = match message.request() {
-            Ok(joint) => joint,
-            Err(rejection) => {
-                // A malformed request names no sender to answer. Our own client sends well-formed requests.
+        let incoming = match self.next_arrival(&mut intake) {
+            Arrival::Nothing => return Accepted::Nothing,
+            Arrival::Malformed(rejection) => {
+                // It names no sender to answer. Our own client sends well-formed requests.
                 tracing::warn!(lane = self.name, %rejection, "request ignored");
                 lock(&self.stats).rejected += 1;
                 return Accepted::Refused;
             }
+            Arrival::Refused(message, rejection) => {
+                drop(intake);
+                self.reject(&message.request(), &rejection);
+                return Accepted::Refused;
+            }
+            Arrival::Request(incoming) => incoming,
         };
+        let joint = incoming.request();
         let request = joint.first;
         if intake.session() != Some(request.session) {
             let session = request.session.0;
@@ -117,11 +134,10 @@ impl<T: Transport> Lane<T> {
             return Accepted::Refused;
         }
         if self.must_wait(&request) {
-            intake.waiting = Some(message);
+            intake.waiting = Some(incoming);
             return Accepted::Nothing;
         }
-        let checked = self.check(&mut intake, &joint);
-        if let Err(rejection) = checked {
+        if let Err(rejection) = self.check(&mut intake, &joint) {
             intake.forget_envs();
             // The answer may wait for a frame, and the control thread must not wait for that.
             drop(intake);
@@ -130,8 +146,13 @@ impl<T: Transport> Lane<T> {
         }
         let mut stats = lock(&self.stats);
         stats.accepted += 1;
-        stats.waited_ns += message.waited().as_nanos() as u64;
+        stats.waited_ns += incoming.waited().as_nanos() as u64;
         drop(stats);
+        Accepted::Work(self.publish(intake))
+    }
+
+    /// Publishes the environments of the accepted request. Returns for how many threads they are work.
+    fn publish(&self, mut intake: MutexGuard<'_, Intake<T::Inlet>>) -> usize {
         match &self.work {
             Work::Synchronous(ranges) => {
                 self.outstanding.store(self.num_envs + 1, Ordering::SeqCst);
@@ -142,7 +163,7 @@ impl<T: Transport> Lane<T> {
                     None
                 });
                 self.job_frame.store(claim.map(|claim| claim.memory));
-                Accepted::Work(ranges.publish())
+                ranges.publish()
             }
             Work::Asynchronous(queue) => {
                 let count = intake.envs.len();
@@ -153,39 +174,46 @@ impl<T: Transport> Lane<T> {
                     debug_assert!(queued.is_ok(), "an environment has one order at a time");
                 }
                 intake.forget_envs();
-                Accepted::Work(count)
+                count
             }
         }
     }
 
-    fn next_message(&self, intake: &mut Intake<T::Inlet>) -> Option<Incoming<<T::Inlet as Inlet>::Message>> {
+    fn next_arrival(&self, intake: &mut Intake<T::Inlet>) -> Arrival<<T::Inlet as Inlet>::Message> {
         if let Some(waiting) = intake.waiting.take() {
-            return Some(waiting);
+            return Arrival::Request(waiting);
         }
         if let Some(side) = intake.left
             && let Some(message) = intake.halves.take(side.opponent())
         {
-            return Some(Incoming::Whole(message));
+            return Arrival::Request(Incoming::Whole(message));
         }
         loop {
-            let received = intake.inlet.receive().unwrap_or_else(|error| {
-                tracing::warn!(lane = self.name, %error, "requests cannot be received");
-                None
-            });
-            let message = received?;
-            // What is malformed is reported by the caller.
-            let (session, side) = message.request().map_or((None, None), |r| (Some(r.session), r.side));
-            let Some(side) = side.filter(|_| session == intake.session()) else {
-                return Some(Incoming::Whole(message));
+            let message = match intake.inlet.receive() {
+                Ok(Received::Nothing) => return Arrival::Nothing,
+                Ok(Received::Malformed(rejection)) => return Arrival::Malformed(rejection),
+                Ok(Received::Request(message)) => message,
+                Err(error) => {
+                    tracing::warn!(lane = self.name, %error, "requests cannot be received");
+                    return Arrival::Nothing;
+                }
+            };
+            let Request { session, side, .. } = message.request();
+            let Some(side) = side.filter(|_| Some(session) == intake.session()) else {
+                return Arrival::Request(Incoming::Whole(message));
             };
             if intake.left == Some(side) {
                 continue; // sent before that learner left; now a script acts in its place
             }
             if intake.left.is_some() {
-                return Some(Incoming::Whole(message));
+                return Arrival::Request(Incoming::Whole(message));
             }
-            if let Some(pair) = intake.halves.pair(side, message) {
-                return Some(pair);
+            match intake.halves.pair(side, message) {
+                Paired::Waits => {}
+                Paired::Both(pair) => return Arrival::Request(pair),
+                Paired::TooMany(message) => {
+                    return Arrival::Refused(message, Rejection::TooFarAhead { side, waiting: MAX_AHEAD });
+                }
             }
         }
     }
@@ -251,7 +279,8 @@ impl<T: Transport> Lane<T> {
                 let action = sent.load(Relaxed);
                 if !is_over && !mask.has(action) {
                     let (available, actor) = (mask.actions(), Actor::at(place, sizes.n_agents));
-                    return Err(Rejection::UnavailableAction { env, actor, action, available });
+                    let has_sides = joint.first.side.is_some();
+                    return Err(Rejection::UnavailableAction { env, actor, action, available, has_sides });
                 }
                 own.store(action, Relaxed);
             }

@@ -74,7 +74,7 @@ impl<T: Transport> Lane<T> {
     ) -> Result<Self, TransportError> {
         let LaneSettings { num_envs, batch_size, seed, autoreset, .. } = spec.settings;
         let record = spec.settings.record_layout(spec.sizes).map(Arc::new);
-        let hosted = |i| HostedEnv::new((spec.make)(i), &spec.settings, record.clone());
+        let hosted = |i| HostedEnv::new((spec.make)(i), spec, record.clone());
         Ok(Lane {
             name: spec.name.clone(),
             num_envs,
@@ -88,7 +88,7 @@ impl<T: Transport> Lane<T> {
             work: Work::new(num_envs, batch_size == num_envs, threads),
             outstanding: AtomicUsize::new(0),
             reset_waits: AtomicBool::new(false),
-            job_frame: SharedFrame::none(),
+            job_frame: SharedFrame::none(&spec.layout()),
             accepts_itself: AtomicBool::new(false),
             failure: OnceLock::new(),
             stats: Mutex::default(),
@@ -98,6 +98,16 @@ impl<T: Transport> Lane<T> {
 
     fn is_synchronous(&self) -> bool {
         matches!(self.work, Work::Synchronous(_))
+    }
+
+    /// Whether it can accept a request at once, as far as a glance shows: one to a synchronous lane that is
+    /// at work waits or is refused, and an asynchronous one has enough to do as long as something is left to
+    /// take.
+    pub(crate) fn is_idle(&self) -> bool {
+        match &self.work {
+            Work::Synchronous(_) => self.outstanding.load(Ordering::Relaxed) == 0,
+            Work::Asynchronous(queue) => queue.is_empty(),
+        }
     }
 
     /// What no thread has taken yet.
@@ -132,12 +142,7 @@ impl<T: Transport> Lane<T> {
 
     /// Ends the session because the learner of `side` left, and tells that of the other side.
     pub fn end_session(&self, side: Faction) {
-        let session = lock(&self.intake).session();
-        if let Some(session) = session {
-            let text = json(&Rejection::OtherLearnerLeft { side });
-            let sent = self.with_frame(|frames| frames.report_end(session, &text));
-            sent.unwrap_or_else(|error| self.fail(error.to_string()));
-        }
+        lock(&self.frames).report_end(&json(&Rejection::OtherLearnerLeft { side }));
         self.set_session(None);
     }
 
@@ -344,7 +349,7 @@ impl<T: Transport> Lane<T> {
     pub(crate) fn fail(&self, text: String) {
         tracing::error!(lane = self.name, text, "lane failed");
         if self.failure.set(text.clone()).is_ok() {
-            lock(&self.frames).report_failure(&json(&Rejection::LaneFailed { text }));
+            lock(&self.frames).report_end(&json(&Rejection::LaneFailed { text }));
         }
     }
 }

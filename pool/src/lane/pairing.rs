@@ -2,7 +2,7 @@
 //! order. The lane gives both learners one session, and both count their requests from its beginning.
 
 use crate::rejection::Rejection;
-use crate::transport::{Message, Request, RequestKind};
+use crate::transport::{MAX_AHEAD, Message, Request, RequestKind};
 use smaclite_engine::Faction;
 use std::collections::VecDeque;
 use std::sync::atomic::Ordering::Relaxed;
@@ -24,11 +24,11 @@ pub(super) struct Joint<'a> {
 }
 
 impl<M: Message> Incoming<M> {
-    pub(super) fn request(&self) -> Result<Joint<'_>, Rejection> {
+    pub(super) fn request(&self) -> Joint<'_> {
         match self {
-            Incoming::Whole(message) => Ok(Joint { first: message.request()?, enemies: None }),
+            Incoming::Whole(message) => Joint { first: message.request(), enemies: None },
             Incoming::Halves(allies, enemies) => {
-                Ok(Joint { first: allies.request()?, enemies: Some(enemies.request()?) })
+                Joint { first: allies.request(), enemies: Some(enemies.request()) }
             }
         }
     }
@@ -85,8 +85,19 @@ fn check_side(request: &Request<'_>) -> Result<(), Rejection> {
     }
 }
 
-/// Requests of the learner of one side that wait for those of the other's, by side.
+/// Requests of the learner of one side that wait for those of the other's, by side: at most [`MAX_AHEAD`],
+/// since the transport lends a lane only so many.
 pub(super) struct Halves<M>([VecDeque<M>; 2]);
+
+/// What became of a request of one side.
+pub(super) enum Paired<M> {
+    /// It waits for that of the other side.
+    Waits,
+    /// Those of the two sides that are carried out next.
+    Both(Incoming<M>),
+    /// Too many of its side wait already.
+    TooMany(M),
+}
 
 impl<M: Message> Halves<M> {
     pub(super) fn new() -> Halves<M> {
@@ -108,13 +119,17 @@ impl<M: Message> Halves<M> {
     }
 
     /// Adds a request, and takes the oldest of either side if both have one.
-    pub(super) fn pair(&mut self, side: Faction, message: M) -> Option<Incoming<M>> {
-        self.0[side as usize].push_back(message);
+    pub(super) fn pair(&mut self, side: Faction, message: M) -> Paired<M> {
+        let own = &mut self.0[side as usize];
+        if own.len() == MAX_AHEAD {
+            return Paired::TooMany(message);
+        }
+        own.push_back(message);
         let [allies, enemies] = &mut self.0;
         if allies.is_empty() || enemies.is_empty() {
-            return None;
+            return Paired::Waits;
         }
         let pair = allies.pop_front().zip(enemies.pop_front());
-        pair.map(|(allies, enemies)| Incoming::Halves(allies, enemies))
+        pair.map_or(Paired::Waits, |(allies, enemies)| Paired::Both(Incoming::Halves(allies, enemies)))
     }
 }

@@ -114,6 +114,11 @@ impl Parking {
         self.stopped.load(Ordering::Acquire)
     }
 
+    /// Whether a worker has the right to poll. Only a hint: it may have ended meanwhile.
+    pub(crate) fn is_polled(&self) -> bool {
+        self.polled.load(Ordering::Relaxed)
+    }
+
     /// Whether a worker may take work: not if a learner does in its place, or the pool stops.
     pub(crate) fn may_work(&self, worker: usize) -> bool {
         !self.workers[worker].substituted.load(Ordering::Relaxed) && !self.is_stopped()

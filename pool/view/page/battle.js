@@ -17,6 +17,11 @@ import { Track } from "./track.js";
 const FIT_MARGIN = 2.2;
 /** From the lowest to the highest. */
 const PLANES = ["GROUND", "COLOSSUS", "AIR"];
+/**
+ * Radius in pixels from which a unit has its letter, and the least size of that: on a phone most are small.
+ */
+const LABELLED = 4;
+const LEAST_LABEL = 7;
 /** Corner radius of the hexagon that looks as large as a disc of radius 1. */
 const HEXAGON = 1.1;
 
@@ -131,7 +136,7 @@ export class BattleView extends MapView {
     this.drawBody(at, r, body, faction, flash);
     this.drawCooldown(at, body, type.cooldown > 0 ? clamp(state.cooldown / type.cooldown) : 0);
     this.drawGauges(state, at, r, ring);
-    if (r >= 7) this.drawLabel(at, body, type.label);
+    if (r >= LABELLED) this.drawLabel(at, body, type.label);
     if (state.unit === this.selected || state.unit === this.hovered)
       this.drawMark(at, r + ring * 1.6, state.unit === this.selected);
   }
@@ -299,7 +304,7 @@ export class BattleView extends MapView {
    */
   drawLabel(at, r, label) {
     const { context } = this;
-    const size = Math.round(r * 12) / 10;
+    const size = Math.max(LEAST_LABEL, Math.round(r * 12) / 10);
     context.font = `700 ${size}px system-ui, "DejaVu Sans", sans-serif`;
     context.textAlign = "center";
     context.textBaseline = "alphabetic";

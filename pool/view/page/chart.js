@@ -32,8 +32,11 @@ export class HealthChart {
     this.inset = 38;
   }
 
-  /** @param {number} time */
-  draw(time) {
+  /**
+   * @param {number} time
+   * @param {number} known the last tick that is drawn
+   */
+  draw(time, known) {
     const { context, width, height } = fitCanvas(this.canvas),
       { track, inset } = this,
       { colours } = theme;
@@ -56,7 +59,7 @@ export class HealthChart {
       context.strokeStyle = colours.line;
       context.stroke();
     }
-    for (const faction of [1, 0]) this.drawCurve(context, faction, x, y, bottom);
+    for (const faction of [1, 0]) this.drawCurve(context, faction, x, y, bottom, known);
     this.drawSeconds(context, x, height);
     const now = x(Math.min(time, track.last)),
       moment = Math.min(Math.floor(time), track.last);
@@ -83,15 +86,17 @@ export class HealthChart {
    * @param {(tick: number) => number} x
    * @param {(share: number) => number} y
    * @param {number} bottom
+   * @param {number} known
    */
-  drawCurve(context, faction, x, y, bottom) {
-    const values = this.track.health[faction],
+  drawCurve(context, faction, x, y, bottom, known) {
+    const last = Math.min(Math.floor(known), this.track.last),
+      values = this.track.health[faction].slice(0, last + 1),
       tone = FACTION_COLOURS[faction];
     // Long episodes have more ticks than the chart has pixels.
     const stride = Math.max(1, Math.floor(values.length / 600));
     context.beginPath();
     for (let tick = 0; tick < values.length; tick += stride) context.lineTo(x(tick), y(values[tick]));
-    context.lineTo(x(this.track.last), y(values[this.track.last]));
+    context.lineTo(x(last), y(values[last]));
     context.lineWidth = 1.8;
     context.lineJoin = "round";
     context.strokeStyle = theme.colours[tone];
@@ -99,7 +104,7 @@ export class HealthChart {
     context.setLineDash(faction ? [5, 3] : []);
     context.stroke();
     context.setLineDash([]);
-    context.lineTo(x(this.track.last), bottom);
+    context.lineTo(x(last), bottom);
     context.lineTo(x(0), bottom);
     context.closePath();
     context.fillStyle = theme.faint(tone, 0.1);

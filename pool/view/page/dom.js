@@ -16,6 +16,9 @@ export const byId = (id) => document.getElementById(id);
  */
 export const all = (selector, root = document) => [...root.querySelectorAll(selector)].map(asElement);
 
+/** Whether the person points with a finger. */
+export const isTouch = () => matchMedia("(pointer: coarse)").matches;
+
 /** @param {any} node */
 const asElement = (node) => /** @type {HTMLElement} */ (node);
 

@@ -3,7 +3,7 @@
 
 import { actionName } from "./actions.js";
 import { titleCase, unitName } from "./battle.js";
-import { all, byId, make } from "./dom.js";
+import { all, byId, isTouch, make } from "./dom.js";
 import { clamp } from "./numbers.js";
 import { TICKS_PER_SECOND, TICKS_PER_STEP } from "./transport.js";
 
@@ -32,7 +32,9 @@ export class Inspector {
     this.chips = [];
     this.shown = "";
     /** What the card says while no unit is selected. */
-    this.hint = "Click a unit, or press [ or ], to see its numbers.";
+    this.hint = isTouch()
+      ? "Tap a unit to see its numbers."
+      : "Click a unit, or press [ or ], to see its numbers.";
     /** @type {(unit: number) => boolean} Whether a unit is selected beside the one of the card. */
     this.isMarked = () => false;
     /** @type {(unit: number) => boolean} Whether the numbers of a unit are shown. */

@@ -71,6 +71,11 @@ export class BattlePlayer {
     this.redraw();
   }
 
+  /** The last tick of which chart and timeline tell. */
+  get knownUntil() {
+    return Infinity;
+  }
+
   /** @param {number} tick */
   seek(tick) {
     this.clock.seek(tick);
@@ -136,8 +141,8 @@ export class BattlePlayer {
       this.inspector.use(track.info);
     }
     view.draw(time);
-    this.chart.draw(time);
-    this.timeline.draw(track, time);
+    this.chart.draw(time, this.knownUntil);
+    this.timeline.draw(track, time, this.knownUntil);
     const tick = Math.floor(time);
     this.inspector.update(track, tick, view.selected);
     this.showControls(track, tick);

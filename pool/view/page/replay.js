@@ -1,8 +1,9 @@
 // @ts-check
 // The page of a replay: reads the data in the document, and lists its episodes.
 
+import { readAddress } from "./address.js";
 import { all, byId, make } from "./dom.js";
-import { clamp } from "./numbers.js";
+import { counted } from "./numbers.js";
 import { BattlePlayer, RESULTS } from "./player.js";
 import { theme } from "./theme.js";
 import { Track, inflate } from "./track.js";
@@ -15,7 +16,6 @@ class ReplayPage extends BattlePlayer {
   constructor(data) {
     super(data.scenario);
     this.data = data;
-    this.hash = new URLSearchParams(location.hash.slice(1));
     /** @type {Map<number, Track>} */
     this.tracks = new Map();
     this.episode = -1;
@@ -27,15 +27,16 @@ class ReplayPage extends BattlePlayer {
     if (!this.data.episodes.length) throw new Error("it has no episodes");
     this.listEpisodes();
     this.listen();
-    this.view.wholeMap = this.hash.get("fit") === "map";
+    const counts = { episodes: this.data.episodes.length, units: info.units.length, speeds: SPEEDS },
+      first = readAddress(location.hash.slice(1), counts);
+    this.view.wholeMap = first.showsMap;
     byId("fit").setAttribute("aria-pressed", String(this.view.wholeMap));
-    const speed = Number(this.hash.get("speed") ?? 1);
-    if (SPEEDS.includes(speed)) this.clock.speed = speed;
-    await this.open(clamp(Number(this.hash.get("episode") ?? 0) || 0, 0, this.data.episodes.length - 1));
-    this.seek(Number(this.hash.get("tick") ?? 0) || 0);
-    const unit = Number(this.hash.get("unit") ?? -1);
-    if (unit in info.units) this.select(unit);
-    if (this.hash.get("play") === "1") this.toggle();
+    this.clock.speed = first.speed;
+    await this.open(first.episode);
+    this.seek(first.tick);
+    if (first.unit >= 0) this.select(first.unit);
+    if (first.plays) this.toggle();
+    if (first.problem) this.say(`The address cannot be followed: ${first.problem}.`);
     /** @param {number} now */
     const frame = (now) => {
       this.frame(now);
@@ -43,6 +44,17 @@ class ReplayPage extends BattlePlayer {
     };
     requestAnimationFrame(frame);
     document.documentElement.dataset.ready = "";
+  }
+
+  /**
+   * Says something until the person goes on.
+   * @param {string} text
+   */
+  say(text) {
+    byId("message").textContent = text;
+    byId("message").hidden = false;
+    const hide = () => (byId("message").hidden = true);
+    for (const event of ["pointerdown", "keydown"]) addEventListener(event, hide, { once: true });
   }
 
   /**
@@ -102,7 +114,7 @@ class ReplayPage extends BattlePlayer {
           const cells = [
             String(i + 1),
             RESULTS[episode.result],
-            `${episode.steps} steps`,
+            counted(episode.steps, "step"),
             episode.episode_return.toFixed(2),
           ];
           const button = make(

@@ -82,8 +82,9 @@ export class Timeline {
   /**
    * @param {Track} track
    * @param {number} time
+   * @param {number} known the last tick that is marked
    */
-  draw(track, time) {
+  draw(track, time, known) {
     const { context, width, height } = fitCanvas(this.canvas),
       { colours } = theme,
       middle = height / 2;
@@ -104,6 +105,7 @@ export class Timeline {
     bar(width - 5, colours.line);
     bar(x(time), colours.dim);
     for (const { tick, unit } of track.deaths) {
+      if (tick > known) break; // they are in order
       const enemy = track.info.units[unit].faction === 1,
         y = enemy ? middle + 12 : middle - 12;
       context.fillStyle = theme.faint(enemy ? "enemy" : "ally", tick <= time ? 1 : 0.45);

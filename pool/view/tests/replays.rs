@@ -287,7 +287,7 @@ fn wrong_values_are_named() {
         "f: expected a replay, which is JSON compressed by gzip: `format` must be",
     );
     check("/version", 2.into(), "f: `version` must be 1, got 2; it was written by smaclite-pool");
-    check("/rules", "house".into(), "f: `rules` must be \"smaclite\" or \"paper\", got house");
+    check("/rules", "house".into(), "f: `rules` must be \"smaclite\", \"paper\" or \"starcraft\", got house");
     check("/episode_limit", 0.into(), "`episode_limit` must be at least 1");
     check("/episode_limit", 3.into(), "`episodes[0].steps` must be at most 3, the `episode_limit`");
     check("/episodes/0/draws", (-1).into(), "invalid value: integer `-1`");
@@ -309,7 +309,8 @@ fn wrong_values_are_named() {
     let error = Replay::from_bytes(&gzip(hostile.to_string().as_bytes()), "f").unwrap_err().to_string();
     assert!(error.contains("scenario of the replay: ?[31mX:1:1"), "{error:?}");
     let unknown = original["scenario"]["text"].as_str().unwrap().replace("MARINE", "GHOST");
-    let expected = "GHOST` is neither a standard unit type nor a unit file (tried 0 unit files in memory)";
+    let expected =
+        "GHOST` is neither a standard unit type nor a unit file (no unit file came with the scenario)";
     check("/scenario/text", unknown.into(), expected);
 }
 

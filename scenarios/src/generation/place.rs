@@ -122,16 +122,19 @@ impl Placer {
         }
         let place =
             |[dx, dy]: &[i16; 2]| [exact(x + east * GRID * f64::from(*dx)), exact(y + GRID * f64::from(*dy))];
-        let first = search.first(unit.position, body, east);
-        let is_free = |place: [f64; 2], clearance: f64| {
+        let is_free = |i: &usize, clearance: f64| {
+            let place = place(&self.pattern[*i]);
             self.is_on_map(body.radius, place) && self.is_walkable(body, clearance, place) && is_apart(place)
         };
-        let wide = (first..self.pattern.len()).find(|i| is_free(place(&self.pattern[*i]), body.radius));
-        if let Some(found) = wide {
-            search.last = found;
-            return Some(place(&self.pattern[found]));
+        let tried = search.at(unit.position, body, east);
+        for (tried, clearance) in [(&mut tried.wide, body.radius), (&mut tried.narrow, 0.0)] {
+            *tried =
+                (*tried..self.pattern.len()).find(|i| is_free(i, clearance)).unwrap_or(self.pattern.len());
+            if let Some(found) = self.pattern.get(*tried) {
+                return Some(place(found));
+            }
         }
-        self.pattern.iter().map(place).find(|place| is_free(*place, 0.0))
+        None
     }
 
     fn is_on_map(&self, margin: f64, [x, y]: [f64; 2]) -> bool {
@@ -166,21 +169,48 @@ impl Placer {
     }
 }
 
-/// The last search: what had no room for its unit has none for an equal or larger one at the same point.
+/// What was searched in this draw: what had no room for a unit has none for an equal or larger one at the
+/// same point, as units are only added. Without this, hundreds of units of a few types that are drawn at one
+/// point would each try the places of all before them.
 #[derive(Default)]
 struct Search {
-    of: Option<([f64; 2], Body, f64)>,
-    last: usize,
+    tried: [Option<Tried>; Search::KEPT],
+    /// Which of them is forgotten next.
+    next: usize,
+}
+
+/// The offsets that were tried for a unit at a point.
+#[derive(Clone, Copy)]
+struct Tried {
+    point: [f64; 2],
+    east: f64,
+    body: Body,
+    /// How many of them have no room: with walkable squares below the whole unit, and below its middle.
+    wide: usize,
+    narrow: usize,
 }
 
 impl Search {
-    /// The first offset that can have room.
-    fn first(&mut self, point: [f64; 2], body: Body, east: f64) -> usize {
-        let continues = self.of.is_some_and(|(other, last, side)| {
-            other == point && side == east && last.plane == body.plane && last.radius <= body.radius
+    /// Types at one point that are told apart, or points.
+    const KEPT: usize = 16;
+
+    /// What was tried for such a unit, which the caller continues; begins with what was tried for smaller
+    /// ones.
+    fn at(&mut self, point: [f64; 2], body: Body, east: f64) -> &mut Tried {
+        let is_here =
+            |tried: &&Tried| tried.point == point && tried.east == east && tried.body.plane == body.plane;
+        let known = || self.tried.iter().flatten().filter(is_here);
+        let smaller = || known().filter(|tried| tried.body.radius <= body.radius);
+        let wide = smaller().map(|tried| tried.wide).max().unwrap_or(0);
+        let narrow = smaller().map(|tried| tried.narrow).max().unwrap_or(0);
+        let is_same = |tried: &Option<Tried>| {
+            tried.as_ref().filter(is_here).is_some_and(|tried| tried.body.radius == body.radius)
+        };
+        let at = self.tried.iter().position(is_same).unwrap_or_else(|| {
+            self.next = (self.next + 1) % Search::KEPT;
+            self.next
         });
-        self.of = Some((point, body, east));
-        if continues { self.last } else { 0 }
+        self.tried[at].insert(Tried { point, east, body, wide, narrow })
     }
 }
 

@@ -1,10 +1,15 @@
-//! The map: its walkable squares and obstacles. `presets` has the presets, `read` reads maps from files.
+//! The map: its walkable squares and obstacles. `presets` has the presets, `read` reads maps from files,
+//! `obstacles` finds the rectangles of blocked squares, and `sight` measures how much of their outline units
+//! see.
 
+mod obstacles;
 mod presets;
 mod read;
+mod sight;
 
-use crate::obstacles;
-use crate::sight::Outlines;
+pub use sight::MAX_OUTLINE_IN_SIGHT;
+pub(crate) use sight::Outlines;
+
 use smaclite_units::file::Range;
 
 /// The longest side a map may have, in squares.

@@ -78,6 +78,6 @@ fn read_response(line: &[u8]) {
             parts.into_iter().for_each(|part| drop(FollowedPart::try_from(part).map_err(|e| e.to_string())))
         }
         Ok(ControlResponse::Refused(refusal)) => drop(refusal.to_string()),
-        Ok(ControlResponse::Status(_)) | Err(_) => {}
+        Ok(ControlResponse::Connected | ControlResponse::Status(_)) | Err(_) => {}
     }
 }

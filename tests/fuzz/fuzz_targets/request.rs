@@ -7,14 +7,14 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use smaclite_ipc::wire::{RequestHeader, body_offset, read_request, request_bytes};
+use smaclite_ipc::wire::{ReadRequest, RequestHeader, body_offset, read_request, request_bytes};
 use smaclite_pool::fields::Field;
 use smaclite_pool::layout::Layout;
 use smaclite_pool::transport::{
-    Doorbell, Epoch, FrameContent, Inlet, Message, Request, RequestKind, RequestNumber, SessionId, Transport,
-    TransportError,
+    Doorbell, Epoch, FrameContent, Inlet, Message, Received, Request, RequestKind, RequestNumber, SessionId,
+    Transport, TransportError,
 };
-use smaclite_pool::{Autoreset, Pool, PoolOptions, Rejection, WaitStrategy};
+use smaclite_pool::{Autoreset, Pool, PoolOptions, WaitStrategy};
 use smaclite_tests::LanePlan;
 use smaclite_tests::in_memory::{self, Bell, Frame, MemoryOutlet};
 use smaclite_tests::toy_env::SIZES;
@@ -37,28 +37,33 @@ struct RawInlet {
 }
 
 struct RawMessage {
-    header: RequestHeader,
+    read: ReadRequest,
     /// Aligned as in shared memory; `len` bytes count.
     words: Vec<u32>,
     len: usize,
-    layout: Layout,
+}
+
+fn payload(words: &[u32], len: usize) -> &[u8] {
+    // SAFETY: any bytes of a vector of integers are bytes.
+    let bytes = unsafe { words.align_to::<u8>().1 };
+    &bytes[..len]
 }
 
 impl Inlet for RawInlet {
     type Message = RawMessage;
 
-    fn receive(&mut self) -> Result<Option<RawMessage>, TransportError> {
-        let message = self.messages.try_recv().ok();
-        let layout = &self.layout;
-        Ok(message.map(|(header, words, len)| RawMessage { header, words, len, layout: layout.clone() }))
+    fn receive(&mut self) -> Result<Received<RawMessage>, TransportError> {
+        let Ok((header, words, len)) = self.messages.try_recv() else { return Ok(Received::Nothing) };
+        Ok(match read_request(header, payload(&words, len), &self.layout) {
+            Ok(read) => Received::Request(RawMessage { read, words, len }),
+            Err(rejection) => Received::Malformed(rejection),
+        })
     }
 }
 
 impl Message for RawMessage {
-    fn request(&self) -> Result<Request<'_>, Rejection> {
-        // SAFETY: any bytes of a vector of integers are bytes.
-        let bytes = unsafe { self.words.align_to::<u8>().1 };
-        read_request(self.header, &bytes[..self.len], &self.layout)
+    fn request(&self) -> Request<'_> {
+        self.read.request(payload(&self.words, self.len))
     }
 }
 

@@ -1,4 +1,4 @@
-//! Steps battles of a scenario under both rule sets: a file that was accepted must make a battle whose
+//! Steps battles of a scenario under all rule sets: a file that was accepted must make a battle whose
 //! numbers are finite.
 
 use smaclite_engine::policy::Random;
@@ -9,7 +9,7 @@ use std::sync::Arc;
 const STEPS: usize = 4;
 
 pub fn run(scenario: &Scenario) {
-    for rules in [Rules::Smaclite, Rules::Paper] {
+    for rules in Rules::ALL {
         let arena = Arc::new(Arena::new(scenario, rules));
         let sizes = arena.sizes();
         let mut battle = Battle::new(arena, 1);

@@ -9,6 +9,12 @@ pub fn did_you_mean<'a>(name: &str, valid: impl IntoIterator<Item = &'a str>) ->
     }
 }
 
+/// ` (did you mean ...?)` for the end of a message that lists the valid names itself; empty if none is near.
+pub fn or_did_you_mean<'a>(name: &str, valid: impl IntoIterator<Item = &'a str>) -> String {
+    let valid: Vec<&str> = valid.into_iter().collect();
+    nearest(name, &valid).map_or_else(String::new, |nearest| format!(" (did you mean `{nearest}`?)"))
+}
+
 /// The valid name that `name` is most likely a mistyped form of, if there is one.
 pub(super) fn nearest<'a>(name: &str, valid: &[&'a str]) -> Option<&'a str> {
     // With more than a third of the letters wrong it is another name, not a typing mistake.

@@ -1,9 +1,9 @@
 //! The keys of a file's objects, each declared once: the reader and the JSON Schema both use the declaration.
 //!
 //! A key has a [`Kind`]: what its value can be, in a schema and in the words of problems. A kind that is a
-//! [`Scalar`] is also read by itself; values that depend on others have the kind [`Shape`] and a reader.
+//! [`Scalar`](super::Scalar) is also read by itself; values that depend on others have the kind [`Shape`] and
+//! a reader.
 
-use super::{Node, Reported};
 use crate::Keyword;
 use serde_json::json;
 use std::marker::PhantomData;
@@ -21,15 +21,6 @@ pub trait Kind {
     fn expected(&self) -> String;
     /// A value as the file has it.
     fn to_json(&self, value: &Self::Value) -> serde_json::Value;
-}
-
-/// A kind whose values do not depend on other values of the file.
-pub trait Scalar: Kind {
-    /// Reads a value.
-    ///
-    /// # Errors
-    /// [`Reported`] if the value is not of this kind.
-    fn read(&self, node: &Node) -> Result<Self::Value, Reported>;
 }
 
 /// Whether a key must be there.
@@ -192,12 +183,6 @@ impl Kind for Range {
     }
 }
 
-impl Scalar for Range {
-    fn read(&self, node: &Node) -> Result<f64, Reported> {
-        node.number(*self)
-    }
-}
-
 /// A whole number without a decimal point, as people write it.
 fn short(value: f64) -> serde_json::Value {
     if value.fract() == 0.0 && value.abs() < 1e9 { json!(value as i64) } else { json!(value) }
@@ -228,12 +213,6 @@ impl Kind for Whole {
     }
 }
 
-impl Scalar for Whole {
-    fn read(&self, node: &Node) -> Result<u32, Reported> {
-        node.integer(self.from, self.to)
-    }
-}
-
 /// `true` or `false`.
 #[derive(Clone, Copy, Debug)]
 pub struct Flag;
@@ -251,12 +230,6 @@ impl Kind for Flag {
 
     fn to_json(&self, value: &bool) -> serde_json::Value {
         json!(value)
-    }
-}
-
-impl Scalar for Flag {
-    fn read(&self, node: &Node) -> Result<bool, Reported> {
-        node.bool()
     }
 }
 
@@ -287,12 +260,6 @@ impl Kind for Text {
     }
 }
 
-impl Scalar for Text {
-    fn read(&self, node: &Node) -> Result<String, Reported> {
-        node.text(self.max_bytes).map(str::to_owned)
-    }
-}
-
 /// A keyword of `T`.
 #[derive(Clone, Copy, Debug)]
 pub struct Word<T>(pub PhantomData<T>);
@@ -313,12 +280,6 @@ impl<T: Keyword> Kind for Word<T> {
     }
 }
 
-impl<T: Keyword> Scalar for Word<T> {
-    fn read(&self, node: &Node) -> Result<T, Reported> {
-        node.keyword()
-    }
-}
-
 /// A list of keywords of `T`, which may be empty.
 #[derive(Clone, Copy, Debug)]
 pub struct Words<T>(pub PhantomData<T>);
@@ -336,13 +297,6 @@ impl<T: Keyword> Kind for Words<T> {
 
     fn to_json(&self, value: &Vec<T>) -> serde_json::Value {
         json!(value.iter().map(|word| word.name()).collect::<Vec<_>>())
-    }
-}
-
-impl<T: Keyword> Scalar for Words<T> {
-    fn read(&self, node: &Node) -> Result<Vec<T>, Reported> {
-        let words: Vec<_> = node.items()?.iter().map(Node::keyword).collect();
-        words.into_iter().collect()
     }
 }
 

@@ -15,16 +15,16 @@ mod syntax;
 #[cfg(not(target_family = "wasm"))] // a browser has no files
 mod write;
 
-pub use hint::did_you_mean;
+pub use hint::{did_you_mean, or_did_you_mean};
 pub use key::{
-    AnyKey, Flag, Key, Kind, Presence, Range, SCHEMA_DIALECT, SCHEMA_KEY, Scalar, Schema, Shape, Text, Whole,
-    Word, Words, object_schema,
+    AnyKey, Flag, Key, Kind, Presence, Range, SCHEMA_DIALECT, SCHEMA_KEY, Schema, Shape, Text, Whole, Word,
+    Words, object_schema,
 };
-pub use node::{Document, Node, Object};
+pub use node::{Document, Node, Object, Scalar};
 pub use problem::{Problem, Problems, Report, Reported};
-pub use shown::{printable_text, shortened, shown_path, without_os_errors};
+pub use shown::{printable_text, shortened, shown_path, shown_reason, without_os_errors};
 #[cfg(not(target_family = "wasm"))]
-pub use write::write_whole;
+pub use write::{write_new, write_whole};
 
 use std::io::Read;
 use std::path::Path;
@@ -44,14 +44,28 @@ pub fn read_text(path: &Path, max_bytes: u64, report: &Report) -> Result<String,
     let unreadable = |reason: String| report.add_unreadable(shown_path(path), without_os_errors(&reason));
     let metadata = std::fs::metadata(path).map_err(|error| unreadable(error.to_string()))?;
     if !metadata.is_file() {
-        return Err(unreadable("it is not a regular file".into()));
+        return Err(unreadable(open::not_a_file(path)));
     }
     let file = open::without_waiting(path).map_err(|error| unreadable(error.to_string()))?;
     let mut bytes = Vec::new();
     // One byte over the limit detects a file that is larger, also one that grew after `metadata`.
     file.take(max_bytes + 1).read_to_end(&mut bytes).map_err(|error| unreadable(error.to_string()))?;
     if bytes.len() as u64 > max_bytes {
-        return Err(unreadable(format!("it is larger than {} KiB", max_bytes >> 10)));
+        let too_large = || format!("it is larger than {} KiB", max_bytes >> 10);
+        return Err(unreadable(other_kind(path).unwrap_or_else(too_large)));
     }
-    String::from_utf8(bytes).map_err(|_| unreadable("it is not UTF-8 text".into()))
+    String::from_utf8(bytes)
+        .map_err(|_| unreadable(other_kind(path).unwrap_or_else(|| "it is not UTF-8 text".into())))
+}
+
+/// What a file is that is not text. Files that this project writes are known by their names.
+fn other_kind(path: &Path) -> Option<String> {
+    let is = |what: &str, instead: &str| Some(format!("it is {what}, not a scenario; {instead}"));
+    match path.extension().and_then(|suffix| suffix.to_str()) {
+        Some("smdata") => is("a dataset", "open it by `smaclite_pool.Dataset`, or `smaclite-pool dataset`"),
+        Some("smreplay") => is("a replay", "play it by `smaclite-pool replay`, and see its scenario there"),
+        Some("snapshot") => is("a snapshot", "see it by `smaclite-pool show`, and restore it by `restore`"),
+        Some("safetensors") => is("the weights of a team", "load the folder by `smaclite_pool.load_team`"),
+        _ => None,
+    }
 }

@@ -1,8 +1,12 @@
 //! A JSON value and its path in the file, so that every problem can say where the mistake is.
 
+mod scalar;
+
+pub use scalar::Scalar;
+
 use super::hint::nearest;
 use super::json::{Entry, Json, Source, Value};
-use super::{AnyKey, Key, Kind, Presence, Range, Report, Reported, Scalar, did_you_mean, shortened};
+use super::{AnyKey, Key, Kind, Presence, Range, Report, Reported, did_you_mean, shortened};
 use crate::Keyword;
 
 /// The content of a file.

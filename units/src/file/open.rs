@@ -18,3 +18,13 @@ pub(super) fn without_waiting(path: &Path) -> io::Result<File> {
 pub(super) fn without_waiting(path: &Path) -> io::Result<File> {
     File::open(path)
 }
+
+/// What a path is that is not a file.
+pub(super) fn not_a_file(path: &Path) -> String {
+    let is_run = path.join("run.json").is_file();
+    match path.is_dir() {
+        true if is_run => "it is the folder of a run of `smaclite-pool train`, not a file".into(),
+        true => "it is a folder, not a file".into(),
+        false => "it is not a regular file".into(),
+    }
+}

@@ -49,6 +49,15 @@ impl Problems {
         &self.found
     }
 
+    /// The same without lines and columns in this file.
+    #[must_use]
+    pub fn without_places(mut self, file: &str) -> Problems {
+        for problem in self.found.iter_mut().filter(|problem| problem.file == file) {
+            (problem.line, problem.column) = (None, None);
+        }
+        self
+    }
+
     /// The number of all problems, also of those that are not in the list.
     pub fn n_problems(&self) -> usize {
         self.n_problems

@@ -24,6 +24,27 @@ pub fn shortened(text: &str) -> String {
     if characters.next().is_some() { start + "..." } else { start }
 }
 
+/// A reason that may repeat a value of a file, on one line: its beginning and, if it is long, its end, where
+/// parsers say the place.
+///
+/// ```
+/// use smaclite_units::file::shown_reason;
+///
+/// let reason = format!("invalid type: string \"{}\" at line 1 column 9", "x".repeat(3000));
+/// assert_eq!(shown_reason(&reason).len(), 303);
+/// assert!(shown_reason(&reason).ends_with("xxx\" at line 1 column 9"));
+/// ```
+pub fn shown_reason(reason: &str) -> String {
+    const START: usize = 200;
+    const END: usize = 100;
+    let characters: Vec<char> = reason.chars().map(printable).collect();
+    if characters.len() <= START + END {
+        return characters.into_iter().collect();
+    }
+    let (start, end) = (&characters[..START], &characters[characters.len() - END..]);
+    start.iter().chain(&['.'; 3]).chain(end).collect()
+}
+
 /// The path, or its end if it is long, on one line.
 pub fn shown_path(path: &Path) -> String {
     let path = path.to_string_lossy();

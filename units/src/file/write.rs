@@ -7,7 +7,7 @@ use std::path::Path;
 
 /// Writes a file whole or not at all: under another name in its folder, which replaces the old file when it
 /// is complete and on the disk. A link stays a link, and an old file's permissions stay. Every file is
-/// written by this function; what is no regular file, as a pipe, is written to.
+/// written by this function or by [`write_new`]; what is no regular file, as a pipe, is written to.
 ///
 /// # Errors
 /// Those of `write` and of the system; the old file is unchanged.
@@ -36,6 +36,24 @@ pub fn write_whole<E: From<io::Error>>(
     Ok(())
 }
 
+/// As [`write_whole`], of a file that must not exist yet: there is no moment at which it is empty or half.
+///
+/// # Errors
+/// Those of `write` and of the system, also if the file exists; then it is unchanged.
+pub fn write_new(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+    if path.symlink_metadata().is_ok() {
+        return Err(io::ErrorKind::AlreadyExists.into());
+    }
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let file = tempfile::Builder::new().permissions(Permissions::from_mode(0o666)).tempfile_in(folder)?;
+    let mut output = BufWriter::new(file);
+    write(&mut output)?;
+    let file = output.into_inner().map_err(io::IntoInnerError::into_error)?;
+    file.as_file().sync_all()?;
+    file.persist_noclobber(path).map_err(|error| error.error)?;
+    Ok(())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -52,6 +70,24 @@ mod tests {
         });
         assert_eq!(failed.unwrap_err().to_string(), "the disk is full");
         assert_eq!(fs::read_to_string(&path).unwrap(), "old");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+    }
+
+    /// On a full disk `new scenario` left an empty file, which the next one then refused to replace.
+    #[test]
+    fn an_error_leaves_no_new_file_and_an_old_one_as_it_was() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file");
+        let failed = write_new(&path, |output| {
+            output.write_all(b"half")?;
+            Err(io::Error::other("the disk is full"))
+        });
+        assert_eq!(failed.unwrap_err().to_string(), "the disk is full");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+        write_new(&path, |output| output.write_all(b"whole")).unwrap();
+        let again = write_new(&path, |output| output.write_all(b"other"));
+        assert_eq!(again.unwrap_err().kind(), io::ErrorKind::AlreadyExists);
+        assert_eq!(fs::read_to_string(&path).unwrap(), "whole");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 

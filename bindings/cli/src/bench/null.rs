@@ -21,6 +21,7 @@ pub const SIZES: Sizes = Sizes {
     obs_size: 80,
     state_size: 120,
     perception_size: 0,
+    n_phases: 0,
     enemies: None,
 };
 

@@ -271,20 +271,16 @@ impl Drop for Process {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::os::unix::fs::PermissionsExt;
-    use std::sync::{Mutex, PoisonError};
 
     /// A script in place of the interpreter: `$3` and the following are the arguments of the script.
     fn interpreter(folder: &Path, name: &str, script: &str) -> PathBuf {
         let path = folder.join(name);
-        std::fs::write(&path, format!("#!/bin/sh\n{script}\n")).unwrap();
-        std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o755)).unwrap();
+        std::fs::write(folder.join(format!("{name}.script")), script).unwrap();
+        let sourced = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scripts/sourced");
+        let _ = std::fs::remove_file(&path); // of an earlier script of this name
+        std::os::unix::fs::symlink(sourced, &path).unwrap();
         path
     }
-
-    /// A file that is open for writing cannot be executed, and a process that another test starts at that
-    /// moment has it open. So these tests run one after the other.
-    static ALONE: Mutex<()> = Mutex::new(());
 
     const TWO_CONFIGURATIONS: &str = r#"
         if [ "$3" = describe ]; then
@@ -297,7 +293,6 @@ mod tests {
 
     #[test]
     fn the_best_configuration_of_all_processes_is_compared() {
-        let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
         let folder = tempfile::tempdir().unwrap();
         let missing = interpreter(folder.path(), "a", r#"echo '{"missing": "No module named x"}'"#);
         let python = interpreter(folder.path(), "b", TWO_CONFIGURATIONS);
@@ -312,7 +307,6 @@ mod tests {
 
     #[test]
     fn what_is_missing_or_fails_is_named() {
-        let _alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
         let folder = tempfile::tempdir().unwrap();
         let check = |script: &str, expected: &str| {
             let python = interpreter(folder.path(), "python", script);

@@ -41,7 +41,8 @@ pub(super) struct Line {
 /// Curves over a common axis.
 pub(super) struct Panel {
     pub title: String,
-    pub x_label: String,
+    /// The names of both axes, with their units.
+    pub axes: [&'static str; 2],
     pub lines: Vec<Line>,
 }
 
@@ -52,70 +53,64 @@ pub(super) struct Bar {
     pub estimate: Estimate,
 }
 
-/// The size of what is drawn in a panel, and the space around it for titles and numbers.
-const PLOT: [f64; 2] = [220.0, 120.0];
-const MARGIN: [f64; 2] = [40.0, 24.0];
-const BELOW: f64 = 34.0;
+/// The size of what is drawn in a panel, and the space around it for its title, numbers and names of axes. A
+/// figure of one panel is 600 pixels wide, whatever it shows, so that several look alike in a paper.
+const PLOT: [f64; 2] = [520.0, 260.0];
+const MARGIN: [f64; 2] = [64.0, 26.0];
+const RIGHT: f64 = 16.0;
+const BELOW: f64 = 44.0;
+const WIDTH: f64 = MARGIN[0] + PLOT[0] + RIGHT;
+
+/// The height of letters, and their width, about.
+const FONT: f64 = 11.0;
+const LETTER_WIDTH: f64 = LETTER * FONT / 9.0;
 
 /// The height of a row of text or of a bar.
-const ROW: f64 = 18.0;
+const ROW: f64 = 20.0;
 
-/// Panels in rows of at most `columns`, below a title and the names of the curves.
+/// Panels in rows of at most `columns`, below a title and the names of the curves. All have the same vertical
+/// axis, so that they can be compared.
 pub(super) fn lines(title: &str, panels: &[Panel], columns: usize, theme: &Theme) -> String {
     let columns = columns.min(panels.len()).max(1);
-    let cell = [MARGIN[0] + PLOT[0] + 12.0, MARGIN[1] + PLOT[1] + BELOW];
     let mut names: Vec<(usize, &str)> = Vec::new();
     for line in panels.iter().flat_map(|panel| &panel.lines) {
         if !names.contains(&(line.place, &line.name)) {
             names.push((line.place, &line.name));
         }
     }
-    let (legend, legend_width) = legend(&names, theme);
-    let width = (columns as f64 * cell[0]).max(legend_width).max(text_width(title) + 16.0);
-    let height = 2.0 * ROW + 6.0 + panels.len().div_ceil(columns) as f64 * cell[1];
+    let width = columns as f64 * WIDTH;
+    let (legend, begin_y) = legend(&names, width, theme);
+    let cell = MARGIN[1] + PLOT[1] + BELOW;
+    let height = begin_y + panels.len().div_ceil(columns) as f64 * cell;
     let mut svg = begin(title, [width, height], theme) + &legend;
+    let top = top(panels);
     for (i, panel) in panels.iter().enumerate() {
         let (column, row) = (i % columns, i / columns);
-        let x = column as f64 * cell[0] + MARGIN[0];
-        let y = row as f64 * cell[1] + MARGIN[1] + 2.0 * ROW + 6.0;
+        let (x, y) = (column as f64 * WIDTH + MARGIN[0], row as f64 * cell + MARGIN[1] + begin_y);
         let _ = writeln!(svg, "<g transform=\"translate({x:.1} {y:.1})\">"); // a string takes everything
-        svg += &(drawn(panel, theme) + "</g>\n");
+        svg += &(drawn(panel, top, theme) + "</g>\n");
     }
     svg + "</svg>\n"
 }
 
-/// Bars below each other; `mark` is a dashed line at a value.
-pub(super) fn bars(title: &str, bars: &[Bar], mark: Option<f64>, theme: &Theme) -> String {
+/// Bars below each other, and the name of their axis; `mark` is a dashed line at a value.
+pub(super) fn bars(title: &str, axis: &str, bars: &[Bar], mark: Option<f64>, theme: &Theme) -> String {
     let left = bars.iter().map(|bar| text_width(&bar.name)).fold(0.0, f64::max) + 16.0;
+    let (plot, right) = ((WIDTH - left - 70.0).max(200.0), 70.0);
     let below = 2.0 * ROW + bars.len() as f64 * ROW;
-    let width = (left + PLOT[0] + 60.0).max(text_width(title) + 16.0);
-    let mut svg = begin(title, [width, below + ROW], theme);
-    let x = |value: f64| left + value * PLOT[0];
-    for tick in [0.0, 0.5, 1.0] {
+    let mut svg = begin(title, [left + plot + right, below + 2.0 * ROW], theme);
+    let x = |value: f64| left + value * plot;
+    for tick in [0.0, 0.25, 0.5, 0.75, 1.0] {
         let (at, top, low) = (x(tick), 1.5 * ROW, below - 8.0);
         svg += &rule([at, top], [at, low], theme.grid, "");
-        svg += &text([at, below + 4.0], "middle", &format!("{:.0} %", 100.0 * tick));
+        svg += &text([at, below + 6.0], "middle", &short(100.0 * tick));
     }
+    svg += &text([x(0.5), below + 6.0 + ROW], "middle", axis);
     for (i, bar) in bars.iter().enumerate() {
-        let (y, colour) = ((2.0 + i as f64) * ROW + 2.0, theme.series[bar.place % theme.series.len()]);
-        let Estimate { value, low, high } = bar.estimate;
-        svg += &text([left - 8.0, y + 3.0], "end", &bar.name);
-        let _ = writeln!(
-            svg,
-            "<g><title>{}: {:.1} % ({:.1} to {:.1})</title><rect x=\"{:.1}\" y=\"{:.1}\" width=\"{:.1}\" \
-             height=\"10\" fill=\"{colour}\" fill-opacity=\"0.35\"/><rect x=\"{:.1}\" y=\"{:.1}\" \
-             width=\"2\" height=\"10\" fill=\"{colour}\"/></g>",
-            escaped(&bar.name),
-            100.0 * value,
-            100.0 * low,
-            100.0 * high,
-            x(low),
-            y - 5.0,
-            (x(high) - x(low)).max(1.0),
-            x(value) - 1.0,
-            y - 5.0
-        );
-        svg += &text([x(1.0) + 8.0, y + 3.0], "start", &format!("{:.1} %", 100.0 * value));
+        let y = (2.0 + i as f64) * ROW + 2.0;
+        svg += &text([left - 8.0, y + 4.0], "end", &bar.name);
+        svg += &interval(bar, y, x, theme);
+        svg += &text([x(1.0) + 8.0, y + 4.0], "start", &format!("{:.1} %", 100.0 * bar.estimate.value));
     }
     if let Some(mark) = mark {
         svg += &rule([x(mark), 1.5 * ROW], [x(mark), below - 8.0], theme.text, " stroke-dasharray=\"4 3\"");
@@ -123,17 +118,37 @@ pub(super) fn bars(title: &str, bars: &[Bar], mark: Option<f64>, theme: &Theme) 
     svg + "</svg>\n"
 }
 
+/// The bar of an interval, with its value as a line, at the height `y`.
+fn interval(bar: &Bar, y: f64, to_x: impl Fn(f64) -> f64, theme: &Theme) -> String {
+    let colour = theme.series[bar.place % theme.series.len()];
+    let Estimate { value, low, high } = bar.estimate;
+    format!(
+        "<g><title>{}: {:.1} % ({:.1} to {:.1})</title><rect x=\"{:.1}\" y=\"{:.1}\" width=\"{:.1}\" \
+         height=\"10\" fill=\"{colour}\" fill-opacity=\"0.35\"/><rect x=\"{:.1}\" y=\"{:.1}\" \
+         width=\"2\" height=\"10\" fill=\"{colour}\"/></g>\n",
+        escaped(&bar.name),
+        100.0 * value,
+        100.0 * low,
+        100.0 * high,
+        to_x(low),
+        y - 5.0,
+        (to_x(high) - to_x(low)).max(1.0),
+        to_x(value) - 1.0,
+        y - 5.0
+    )
+}
+
 fn begin(title: &str, [width, height]: [f64; 2], theme: &Theme) -> String {
-    let style = format!("text {{ font: 9px 'DejaVu Sans', sans-serif; fill: {} }}", theme.text);
+    let style = format!("text {{ font: {FONT}px 'DejaVu Sans', sans-serif; fill: {} }}", theme.text);
     format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width:.1} {height:.1}\" \
          width=\"{width:.1}\" height=\"{height:.1}\">\n<style>{style}</style>\n{}",
-        text([4.0, 12.0], "start", title)
+        text([4.0, 14.0], "start", title)
     )
 }
 
 fn text_width(text: &str) -> f64 {
-    text.chars().count() as f64 * LETTER
+    text.chars().count() as f64 * LETTER_WIDTH
 }
 
 fn text([x, y]: [f64; 2], anchor: &str, content: &str) -> String {
@@ -152,54 +167,68 @@ fn stroke(place: usize, theme: &Theme) -> (&'static str, &'static str) {
     (theme.series[place % n], dashes[(place / n) % dashes.len()])
 }
 
-/// The names of curves in one row, and its width.
-fn legend(names: &[(usize, &str)], theme: &Theme) -> (String, f64) {
-    let (mut svg, mut x) = (String::new(), 4.0);
+/// The names of curves below the title, in rows of this width, and where the next row would be.
+fn legend(names: &[(usize, &str)], width: f64, theme: &Theme) -> (String, f64) {
+    let (mut svg, mut x, mut y) = (String::new(), 4.0, 1.5 * ROW);
     for (place, name) in names {
-        let ((colour, dashes), y) = (stroke(*place, theme), ROW + 8.0);
-        let more = format!(" stroke-width=\"2\"{dashes}");
-        svg += &rule([x, y], [x + 18.0, y], colour, &more);
-        svg += &text([x + 22.0, y + 3.0], "start", name);
-        x += 22.0 + text_width(name) + 14.0;
+        let needed = 22.0 + text_width(name) + 14.0;
+        if x > 4.0 && x + needed > width {
+            (x, y) = (4.0, y + ROW);
+        }
+        let (colour, dashes) = stroke(*place, theme);
+        svg += &rule([x, y], [x + 18.0, y], colour, &format!(" stroke-width=\"2\"{dashes}"));
+        svg += &text([x + 22.0, y + 4.0], "start", name);
+        x += needed;
     }
-    (svg, x)
+    (svg, y + ROW / 2.0)
 }
 
-/// A panel, whose plot begins at the origin.
-fn drawn(panel: &Panel, theme: &Theme) -> String {
+/// Where the vertical axis ends: low curves would be flat below 100 %.
+fn top(panels: &[Panel]) -> f64 {
+    let estimates = panels.iter().flat_map(|panel| &panel.lines).flat_map(|line| &line.points);
+    let highest = estimates.map(|(_, estimate)| estimate.high).fold(0.0, f64::max);
+    [0.01, 0.02, 0.04, 0.1, 0.2, 0.4].into_iter().find(|top| *top >= highest).unwrap_or(1.0)
+}
+
+/// A panel, whose plot begins at the origin, with a vertical axis from 0 to `top`.
+fn drawn(panel: &Panel, top: f64, theme: &Theme) -> String {
     let [width, height] = PLOT;
     let xs = panel.lines.iter().flat_map(|line| line.points.iter().map(|(x, _)| *x));
     let widest = xs.fold(0.0, f64::max);
     let to_x = |x: f64| if widest > 0.0 { x / widest * width } else { 0.0 };
-    let to_y = |y: f64| height * (1.0 - y);
+    let to_y = |y: f64| height * (1.0 - y / top);
     let mut svg = text([0.0, -8.0], "start", &panel.title);
-    for tick in [0.0, 0.5, 1.0] {
+    for tick in [0.0, 0.25, 0.5, 0.75, 1.0].map(|share| share * top) {
         svg += &rule([0.0, to_y(tick)], [width, to_y(tick)], theme.grid, "");
-        svg += &text([-5.0, to_y(tick) + 3.0], "end", &format!("{:.0} %", 100.0 * tick));
+        svg += &text([-6.0, to_y(tick) + 4.0], "end", &short(100.0 * tick));
     }
     for tick in ticks(widest) {
         svg += &rule([to_x(tick), height], [to_x(tick), height + 3.0], theme.text, "");
-        svg += &text([to_x(tick), height + 13.0], "middle", &short(tick));
+        svg += &text([to_x(tick), height + 16.0], "middle", &short(tick));
     }
-    svg += &text([width / 2.0, height + 26.0], "middle", &panel.x_label);
-    for line in &panel.lines {
-        let (colour, dashes) = stroke(line.place, theme);
-        let path = |side: fn(&Estimate) -> f64| -> Vec<String> {
-            let point = |(x, of): &(f64, Estimate)| format!("{:.1},{:.1}", to_x(*x), to_y(side(of)));
-            line.points.iter().map(point).collect()
-        };
-        let (above, below) = (path(|of| of.high), path(|of| of.low));
-        let band = above.into_iter().chain(below.into_iter().rev()).collect::<Vec<_>>().join(" ");
-        let middle = path(|of| of.value).join(" ");
-        let _ = writeln!(
-            svg,
-            "<g><title>{}</title><polygon points=\"{band}\" fill=\"{colour}\" \
-             fill-opacity=\"0.2\"/><polyline points=\"{middle}\" fill=\"none\" \
-             stroke=\"{colour}\" stroke-width=\"1.6\"{dashes}/></g>",
-            escaped(&line.name)
-        );
-    }
-    svg
+    let [x_name, y_name] = panel.axes;
+    svg += &text([width / 2.0, height + 34.0], "middle", x_name);
+    let _ = write!(svg, "<g transform=\"translate(-48 {:.1}) rotate(-90)\">", height / 2.0);
+    svg += &(text([0.0, 0.0], "middle", y_name) + "</g>\n");
+    panel.lines.iter().fold(svg, |svg, line| svg + &curve(line, to_x, to_y, theme))
+}
+
+/// A curve with its band.
+fn curve(line: &Line, to_x: impl Fn(f64) -> f64, to_y: impl Fn(f64) -> f64, theme: &Theme) -> String {
+    let (colour, dashes) = stroke(line.place, theme);
+    let path = |side: fn(&Estimate) -> f64| -> Vec<String> {
+        let point = |(x, of): &(f64, Estimate)| format!("{:.1},{:.1}", to_x(*x), to_y(side(of)));
+        line.points.iter().map(point).collect()
+    };
+    let (above, below) = (path(|of| of.high), path(|of| of.low));
+    let band = above.into_iter().chain(below.into_iter().rev()).collect::<Vec<_>>().join(" ");
+    let middle = path(|of| of.value).join(" ");
+    format!(
+        "<g><title>{}</title><polygon points=\"{band}\" fill=\"{colour}\" \
+         fill-opacity=\"0.2\"/><polyline points=\"{middle}\" fill=\"none\" \
+         stroke=\"{colour}\" stroke-width=\"1.6\"{dashes}/></g>\n",
+        escaped(&line.name)
+    )
 }
 
 /// Round numbers from 0 to the largest, at most five.
@@ -246,24 +275,49 @@ mod tests {
         assert_eq!([0.0, 0.5, 930.0, 1500.0, 2e6].map(short), ["0", "0.5", "930", "1.5k", "2M"]);
     }
 
+    /// A panel of lines with these names, up to this height.
+    fn panel(names: &[&str], high: f64) -> Panel {
+        let estimate = Estimate { value: high / 2.0, low: high / 4.0, high };
+        let points = vec![(0.0, estimate), (100.0, estimate)];
+        let line = |(i, name): (usize, &&str)| Line {
+            name: (*name).to_owned(),
+            place: 6 * i,
+            points: points.clone(),
+        };
+        let lines = names.iter().enumerate().map(line).collect();
+        Panel { title: "3m".to_owned(), axes: ["environment steps", "won episodes (%)"], lines }
+    }
+
     #[test]
     fn charts_have_every_line_and_escape_names() {
-        let estimate = Estimate { value: 0.5, low: 0.25, high: 1.0 };
-        let line = |name: &str, place| Line {
-            name: name.to_owned(),
-            place,
-            points: vec![(0.0, estimate), (100.0, estimate)],
-        };
-        let panel = |title: &str| Panel {
-            title: title.to_owned(),
-            x_label: "steps".to_owned(),
-            lines: vec![line("a<b", 0), line("c", 6)],
-        };
-        let svg = lines("wins", &[panel("3m"), panel("2s3z")], 3, &THEMES[0]);
+        let svg = lines("wins", &[panel(&["a<b", "c"], 1.0), panel(&["a<b", "c"], 1.0)], 3, &THEMES[0]);
         assert_eq!((svg.matches("<polyline ").count(), svg.matches(">a&lt;b</text>").count()), (4, 1));
-        assert!(svg.contains("points=\"0.0,60.0 220.0,60.0\"") && svg.contains("stroke-dasharray=\"6 3\""));
+        assert!(svg.contains("points=\"0.0,130.0 520.0,130.0\"") && svg.contains("stroke-dasharray=\"6 3\""));
+        let estimate = Estimate { value: 0.5, low: 0.25, high: 1.0 };
         let bar = Bar { name: "a<b".to_owned(), place: 0, estimate };
-        let svg = bars("means", &[bar], Some(0.5), &THEMES[1]);
+        let svg = bars("means", "won episodes (%)", &[bar], Some(0.5), &THEMES[1]);
         assert!(svg.contains("<title>a&lt;b: 50.0 % (25.0 to 100.0)</title>"), "{svg}");
+        assert!(svg.contains(">won episodes (%)</text>") && svg.contains(" width=\"600.0\""), "{svg}");
+    }
+
+    /// Curves below 10 % were flat lines, axes had no names, and the names of curves made a picture wider.
+    #[test]
+    fn a_figure_has_a_fixed_size_and_axes_for_its_curves() {
+        let size = |svg: &str| {
+            let height = svg.split(" height=\"").nth(1).and_then(|rest| rest.split('"').next());
+            (svg.contains(" width=\"600.0\""), height.map(str::to_owned))
+        };
+        let low = lines("wins", &[panel(&["a"], 0.07)], 3, &THEMES[0]);
+        let high = lines("wins", &[panel(&["a", "b"], 0.9)], 3, &THEMES[0]);
+        assert_eq!(size(&low), size(&high));
+        assert!(size(&low).0);
+        for (svg, marks) in [(&low, ["2.5", "10"]), (&high, ["25", "100"])] {
+            for expected in ["environment steps", "won episodes (%)", marks[0], marks[1]] {
+                assert!(svg.contains(&format!(">{expected}</text>")), "{expected}: {svg}");
+            }
+        }
+        let long = ["a"; 12].map(|letter| letter.repeat(30));
+        let many = lines("wins", &[panel(&long.each_ref().map(|name| &**name), 0.9)], 3, &THEMES[0]);
+        assert!(size(&many).0 && size(&many).1 > size(&high).1, "names take more rows, not more width");
     }
 }

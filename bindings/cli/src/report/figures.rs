@@ -6,7 +6,7 @@ use super::chart::{Bar, Line, Panel, THEMES, bars, lines};
 use smaclite_learn::{Estimate, Metric};
 
 /// Panels beside each other.
-const COLUMNS: usize = 3;
+const COLUMNS: usize = 2;
 
 /// A picture: its name without the ending, what it shows, and how it is drawn.
 struct Figure {
@@ -17,8 +17,8 @@ struct Figure {
 
 enum Content {
     Lines(Vec<Panel>),
-    /// With the place of the dashed line, if there is one.
-    Bars(Vec<Bar>, Option<f64>),
+    /// With the name of the axis, and the place of the dashed line, if there is one.
+    Bars(Vec<Bar>, &'static str, Option<f64>),
 }
 
 /// Names of files, and contents.
@@ -28,7 +28,7 @@ pub(super) fn all(results: &Results) -> Vec<(String, String)> {
         for theme in &THEMES {
             let svg = match &content {
                 Content::Lines(panels) => lines(&title, panels, COLUMNS, theme),
-                Content::Bars(all, mark) => bars(&title, all, *mark, theme),
+                Content::Bars(all, axis, mark) => bars(&title, axis, all, *mark, theme),
             };
             files.push((format!("{name}{}.svg", theme.suffix), svg));
         }
@@ -45,10 +45,8 @@ fn figures(results: &Results) -> Vec<Figure> {
     let mut figures = Vec::new();
     let actions = results.actions.name();
     for metric in Metric::ALL {
-        let what = match metric {
-            Metric::WinRate => format!("won episodes, {actions}"),
-            Metric::Return => format!("normalised return, {actions}"),
-        };
+        let axis = axis(metric);
+        let what = format!("{}, {actions}", axis.trim_end_matches(" (%)"));
         let mut add = |name: &str, title: String, content: Content| {
             figures.push(Figure { name: format!("{name}-{}", metric.name()), title, content });
         };
@@ -56,16 +54,25 @@ fn figures(results: &Results) -> Vec<Figure> {
         add("curves", title, Content::Lines(curves(results, metric)));
         if !results.report.profiles.is_empty() {
             let title = format!("{what}: interquartile mean of the final episodes, 95 % interval");
-            add("means", title, Content::Bars(means(results, metric), None));
+            add("means", title, Content::Bars(means(results, metric), axis, None));
             let title = format!("{what}: share of runs above a score");
             add("profiles", title, Content::Lines(profiles(results, metric)));
         }
         if !results.report.improvements.is_empty() {
             let title = format!("{what}: probability of improvement, 95 % interval");
-            add("improvement", title, Content::Bars(improvements(results, metric), Some(0.5)));
+            let bars = Content::Bars(improvements(results, metric), "probability (%)", Some(0.5));
+            add("improvement", title, bars);
         }
     }
     figures
+}
+
+/// The name of a metric's axis.
+fn axis(metric: Metric) -> &'static str {
+    match metric {
+        Metric::WinRate => "won episodes (%)",
+        Metric::Return => "normalised return (%)",
+    }
 }
 
 /// The place of an algorithm among all, which decides its colour.
@@ -87,7 +94,8 @@ fn curves(results: &Results, metric: Metric) -> Vec<Panel> {
             points: curve.points.iter().map(|(steps, estimate)| (*steps as f64, *estimate)).collect(),
         };
         let title = task.map_or(format!("{common} tasks"), str::to_owned);
-        Panel { title, x_label: "steps".to_owned(), lines: of_task.map(line).collect() }
+        let axes = ["environment steps", axis(metric)];
+        Panel { title, axes, lines: of_task.map(line).collect() }
     };
     let panels = all.into_iter().chain(tasks.into_iter().map(Some)).map(panel);
     panels.filter(|panel| !panel.lines.is_empty()).collect()
@@ -101,7 +109,11 @@ fn profiles(results: &Results, metric: Metric) -> Vec<Panel> {
         points: profile.points.clone(),
     };
     let title = "share of runs above the score".to_owned();
-    vec![Panel { title, x_label: "score".to_owned(), lines: of_metric.map(line).collect() }]
+    let score = match metric {
+        Metric::WinRate => "score: share of won episodes",
+        Metric::Return => "score: normalised return",
+    };
+    vec![Panel { title, axes: [score, "runs above the score (%)"], lines: of_metric.map(line).collect() }]
 }
 
 fn means(results: &Results, metric: Metric) -> Vec<Bar> {

@@ -160,11 +160,20 @@ fn improvements(results: &Results) -> Table {
     let mut table = Table::new(&["better", "than", "by won episodes", "by return"]);
     let of_metric = |metric| results.report.improvements.iter().filter(move |of| of.metric == metric);
     for (by_wins, by_return) in of_metric(Metric::WinRate).zip(of_metric(Metric::Return)) {
-        let cells = [by_wins, by_return].map(|of| with_interval(of.probability, percent));
+        let cells = [by_wins, by_return].map(|of| probability(of.probability));
         let [wins, returns] = cells;
         table.push([by_wins.better.clone(), by_wins.than.clone(), wins, returns]);
     }
     table
+}
+
+/// A probability of improvement. If it holds for every pair of runs, it does so in every draw of the
+/// bootstrap, whose interval then says nothing, least of all that a few runs are certain.
+fn probability(estimate: Estimate) -> String {
+    match estimate.low == estimate.high && [0.0, 1.0].contains(&estimate.value) {
+        true => format!("{} (all pairs of runs; no interval)", percent(estimate.value)),
+        false => with_interval(estimate, percent),
+    }
 }
 
 /// When teams first won, two rows per task and algorithm.

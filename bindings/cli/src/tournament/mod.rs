@@ -28,14 +28,15 @@ against itself. A trained team plays the enemies in the mirror, so the sides of 
 Elo ratings are those of the Bradley-Terry model by maximum likelihood, a draw as half a win, with 95 % \
 intervals from the Fisher information (docs/how-to/tournament.md).")]
 pub(super) struct PlayTournament {
-    /// Scripts (attack_move, attack_nearest or a scripted policy) and folders of runs of `smaclite-pool
-    /// train`
+    /// Scripts (attack_move, attack_nearest or a scripted policy), folders of runs of `smaclite-pool train`,
+    /// and teams of the zoo as zoo:SCENARIO
     #[arg(required = true, value_name = "PLAYER", add = completions::player())]
     players: Vec<String>,
     /// A standard scenario or a scenario file [default: that of the trained teams]
     #[arg(long, value_name = "MAP", add = completions::scenario())]
     scenario: Option<String>,
-    /// Rules of the battles: smaclite (as the published environment plays) or paper (as its paper describes)
+    /// Rules of the battles: smaclite (as the published environment plays), paper (as its paper describes) or
+    /// starcraft (nearer to the real battles)
     /// [default: smaclite]
     #[arg(long, requires = "scenario")]
     rules: Option<Rules>,

@@ -80,8 +80,8 @@ impl Display {
     }
 
     /// Shows the last record, if it was not shown, and how the run ended.
-    pub(super) fn end(self, interrupted: bool) -> CommandResult {
-        let end = if interrupted { "interrupted; resume with --resume" } else { "complete" };
+    pub(super) fn end(self, is_complete: bool) -> CommandResult {
+        let end = if is_complete { "complete" } else { "interrupted; resume with --resume" };
         if self.json { Ok(()) } else { self.lines.end(end) }
     }
 }

@@ -8,7 +8,7 @@ use super::{CommandResult, THREADS, completions, runtime_dir};
 use crate::check::warn_of;
 use crate::number::{count, seed, whole};
 use crate::opponent::{OpponentOption, SelfPlayOptions};
-use crate::process::interrupt_flag_once;
+use crate::process::{Interrupted, interrupt_flag_once};
 use clap::Args;
 use display::Display;
 use smaclite_engine::{BattleSetup, Rules};
@@ -30,8 +30,9 @@ Examples:
   smaclite-pool train 2s3z --seeds 10 --evaluate-every 50k --out runs/ten
   smaclite-pool train --resume runs/ten --seeds 20
 
-Ctrl-C writes a checkpoint, a second one ends at once; --resume continues with the same bits as an
-uninterrupted run, if --steps is unchanged: step sizes and entropy fall over --steps.")]
+Ctrl-C writes a checkpoint and ends with exit status 130 (SIGTERM: 143), a second one ends at once; \
+--resume continues with the same bits as an uninterrupted run, if --steps is unchanged: step sizes and \
+entropy fall over --steps.")]
 pub(super) struct Train {
     /// A standard scenario or a scenario file; without an episode limit, its episodes end after 1000 steps
     #[arg(value_name = "MAP", required_unless_present_any = ["resume", "pool"],
@@ -51,14 +52,15 @@ pub(super) struct Train {
     /// lane, or the only one that plays MAP]
     #[arg(long, requires = "pool", value_name = "NAME")]
     lane: Vec<String>,
-    /// Rules of the battles: smaclite (as the published environment plays) or paper (as its paper describes)
+    /// Rules of the battles: smaclite (as the published environment plays), paper (as its paper describes) or
+    /// starcraft (nearer to the real battles)
     /// [default: smaclite]
     #[arg(long, conflicts_with = "pool")]
     rules: Option<Rules>,
     /// Who plays the enemies: attack_move, attack_nearest or a scripted policy; several with weights, such as
-    /// attack_move=0.5,focus_fire=0.5, of which each episode draws one; the folder of another run, whose team
-    /// plays them; self, the team itself; or league, the team, copies of it, and attack_move [default:
-    /// attack_move]
+    /// attack_move=0.5,focus_fire=0.5, of which each episode draws one; the folder of another run or
+    /// zoo:SCENARIO, whose team plays them; self, the team itself; or league, the team, copies of it, and
+    /// attack_move [default: attack_move]
     #[arg(long, conflicts_with = "pool", value_name = "NAME|WEIGHTS|FOLDER|self|league")]
     opponent: Option<OpponentOption>,
     /// Train that many runs in this process, as many at a time as there are threads; their seeds are --seed,
@@ -180,7 +182,7 @@ impl Train {
         };
         let mut display = Display::new(json, name, run.config().steps);
         let mut evaluated = run.evaluations().len();
-        loop {
+        let is_complete = loop {
             let updated = run.update(&mut || stop());
             let mut shown =
                 run.evaluations()[evaluated..].iter().try_for_each(|row| display.show_evaluation(row));
@@ -195,10 +197,10 @@ impl Train {
                         return Err(error);
                     }
                     if record.is_none() {
-                        break;
+                        break true;
                     }
                 }
-                Err(TrainError::Client(ClientError::Interrupted)) => break,
+                Err(TrainError::Client(ClientError::Interrupted)) => break false,
                 Err(error) => {
                     if let TrainError::Client(_) = error {
                         run.checkpoint()?; // the pool has ended, but not what was learnt
@@ -206,9 +208,10 @@ impl Train {
                     return Err(error.into());
                 }
             }
-        }
+        };
         run.checkpoint()?;
-        display.end(stop())
+        display.end(is_complete)?;
+        if is_complete { Ok(()) } else { Err(Interrupted.into()) }
     }
 
     /// Begins or resumes what is trained.
@@ -303,6 +306,14 @@ impl Train {
         }
         let lane = self.lane.first().map(String::as_str);
         let of_pool = lane_scenario(runtime_dir, &pool, lane, WaitOptions::interrupted_by(interrupted))?;
+        if of_pool.sides.are_both() {
+            return Err(format!(
+                "learners or a trained team play the enemies in pool `{pool}`, but `train --pool` trains \
+                 agents whose enemies are played by scripts; serve it without --sides both and without a \
+                 team, or train with --opponent self or the team, and without --pool"
+            )
+            .into());
+        }
         // Rules, episode limit and opponents are those of the pool, which may have its own.
         Ok(match of_map {
             Some(BattleSetup { files, .. }) => BattleSetup { files, ..of_pool },

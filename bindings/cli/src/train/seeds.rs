@@ -1,6 +1,7 @@
 //! `train` of several seeds: one line with the progress of all.
 
 use super::display::{Lines, evaluation, json_of, minutes};
+use crate::process::Interrupted;
 use crate::{CommandResult, runtime_dir};
 use serde_json::Value;
 use smaclite_learn::{Record, RunDescription, SeedEvent, Seeds};
@@ -41,10 +42,12 @@ pub(super) fn train(
     if !failed.is_empty() {
         return Err(failed.join("\n").into());
     }
-    match display.error.take() {
-        Some(error) => Err(error.into()),
-        None => display.end(interrupted()),
+    if let Some(error) = display.error.take() {
+        return Err(error.into());
     }
+    let is_interrupted = interrupted() && display.complete < display.seeds;
+    display.end(is_interrupted)?;
+    if is_interrupted { Err(Interrupted.into()) } else { Ok(()) }
 }
 
 /// How far the runs are.

@@ -48,6 +48,11 @@ impl Simulation {
         self.step
     }
 
+    /// How the last step that was played ended the episode, if it did.
+    pub(super) fn result(&self) -> Option<EpisodeResult> {
+        self.newest.as_ref().and_then(EpisodeResult::after)
+    }
+
     /// Plays on to a step, of the whole episode's actions.
     pub(super) fn play_to(&mut self, step: usize, actions: &[u16]) -> Result<(), SimulationError> {
         while self.step < step {
@@ -80,7 +85,7 @@ impl Simulation {
             decisions: STANDARD.encode(&decisions),
             episode_return: self.battle.episode_return(),
             length: self.battle.episode_length(),
-            result: self.newest.as_ref().and_then(EpisodeResult::after),
+            result: self.result(),
             is_over: false,
         })
     }

@@ -2,6 +2,7 @@
 
 use crate::kit::run;
 use crate::page_kit::Place;
+use crate::skip::skip;
 use serde_json::Value;
 use std::fs;
 use std::process::{Command, Output};
@@ -94,8 +95,7 @@ fn low_limits_are_warnings() {
 #[test]
 fn too_little_or_unusable_shared_memory_is_found() {
     if !Command::new("unshare").args(["-m", "true"]).status().is_ok_and(|status| status.success()) {
-        println!("skipped: no mount namespace is permitted here");
-        return;
+        return skip("no mount namespace is permitted here");
     }
     let place = Place::new();
     for (options, status, result, pool) in [

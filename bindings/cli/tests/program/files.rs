@@ -32,7 +32,7 @@ fn check_reports_every_problem_with_its_position() {
     let of_the_unit = |file: &str| {
         format!(
             "{file}:1:1: `speed` is missing; it must be a number from 0 to 1000000\n\
-             {file}:2:11: `hp` is 0, but must be a number above 0 and at most 1000000\n\
+             {file}:2:11: `hp` is 0, but must be a number from 0.001 to 1000000\n\
              {file}:8:5: unknown key `sped`; did you mean `speed`?\n"
         )
     };
@@ -73,7 +73,7 @@ fn check_prints_json() {
                 problem("sniper.json", Some((1, 1)), "speed",
                     "`speed` is missing; it must be a number from 0 to 1000000"),
                 problem("sniper.json", Some((2, 11)), "hp",
-                    "`hp` is 0, but must be a number above 0 and at most 1000000"),
+                    "`hp` is 0, but must be a number from 0.001 to 1000000"),
                 problem("sniper.json", Some((8, 5)), "sped", "unknown key `sped`; did you mean `speed`?"),
             ],
         }),
@@ -163,6 +163,21 @@ fn a_new_generated_scenario_draws_the_units_that_were_asked_for() {
         "`teams.distribution` is \"fair\", but must be one of weighted_teams, all_teams, fixed",
     );
     check_error(folder.path(), "serve a.json --set teams", 2, "must be KEY=JSON");
+    check_error(
+        folder.path(),
+        "serve a.json --set start_positions=reflect_position",
+        2,
+        r#"must be JSON, got `reflect_position`; as an example: --set 'start_positions={"distr"#,
+    );
+    // The zealots were dropped without a word.
+    check_error(
+        folder.path(),
+        "new scenario b.json --generated --agents 2xMARINE --enemies 2xZEALOT",
+        1,
+        "--enemies has ZEALOT, but --generated draws both teams from the types of --agents: MARINE",
+    );
+    assert!(!folder.path().join("b.json").exists());
+    output(folder.path(), "new scenario b.json --generated --agents 2xZEALOT");
     let listed = output(folder.path(), "scenarios");
     assert_eq!(listed.matches("drawn for each episode").count(), 15, "{listed}");
 }

@@ -36,3 +36,11 @@ pub fn check_error(folder: &Path, arguments: &str, status: i32, expected: &str) 
     let message = error(folder, arguments, status).replace("\n  ", " ");
     assert!(message.contains(expected), "{arguments}: expected `{expected}`, got `{message}`");
 }
+
+/// Whether a process has begun to handle Ctrl-C and SIGTERM itself.
+pub fn catches_interruptions(id: u32) -> bool {
+    let status = std::fs::read_to_string(format!("/proc/{id}/status")).expect("the process runs");
+    let caught = status.lines().find_map(|line| line.strip_prefix("SigCgt:")).expect("the signals");
+    let both = 1 << 1 | 1 << 14;
+    u64::from_str_radix(caught.trim(), 16).expect("a mask") & both == both
+}

@@ -9,7 +9,10 @@ mod page_kit;
 mod play;
 mod recording;
 mod report;
+mod seams;
 mod shells;
+#[path = "../../../../tests/src/skip.rs"]
+mod skip; // the kit of `tests` depends on this crate
 mod snapshots;
 mod tournament;
 mod training;

@@ -129,18 +129,15 @@ fn a_step_of_a_replay_is_saved_as_a_snapshot() {
 }
 
 /// A program named ffmpeg that keeps its input and its arguments.
-const FFMPEG: &str =
-    "#!/bin/sh\nfor last; do :; done\necho \"$@\" > arguments\n/bin/cat > \"${last#file:}\"\n";
+const FFMPEG: &str = "for last; do :; done\necho \"$@\" > arguments\n/bin/cat > \"${last#file:}\"\n";
 
 #[test]
 fn ffmpeg_gets_every_frame() {
-    use std::os::unix::fs::PermissionsExt;
     let (folder, _) = recorded();
     let folder = folder.path();
-    let install = |script: &str| {
-        fs::write(folder.join("ffmpeg"), script).expect("a script");
-        fs::set_permissions(folder.join("ffmpeg"), fs::Permissions::from_mode(0o755)).expect("executable");
-    };
+    let sourced = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scripts/sourced");
+    std::os::unix::fs::symlink(sourced, folder.join("ffmpeg")).expect("a link");
+    let install = |script: &str| fs::write(folder.join("ffmpeg.script"), script).expect("a script");
     install(FFMPEG);
     output(folder, "replay 3m.smreplay --to battle.mp4 --size 33x16 --fps 4");
     let arguments = fs::read_to_string(folder.join("arguments")).expect("arguments");
@@ -150,7 +147,7 @@ fn ffmpeg_gets_every_frame() {
     let n_frames = fs::read_dir(folder.join("frames")).expect("a folder").count() as u64 + 4;
     assert_eq!(bytes, n_frames * 33 * 16 * 3);
 
-    install("#!/bin/sh\nexit 3\n");
+    install("exit 3\n");
     let expected = "battle.mp4: ffmpeg failed (exit status: 3); it says above why";
     check_error(folder, "replay 3m.smreplay --to battle.mp4", 1, expected);
 }

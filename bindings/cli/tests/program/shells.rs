@@ -32,7 +32,7 @@ fn bash_completes_commands_options_scenarios_and_files() {
     ["mine.json", "mine.txt", "3-notes.json"].into_iter().for_each(file);
     for (words, expected) in [
         (&["sch"][..], &["schema"][..]),
-        (&["serve", "--auto"], &["--autoreset"]),
+        (&["serve", "--auto"], &["--autoreset-mode"]),
         (&["bench", "--mode", "at"], &["attached"]),
         (&["show", "3s5"], &["3s5z", "3s5z_vs_3s6z"]),
         (&["show", "3"], &["3m", "3s5z", "3s5z_vs_3s6z", "3s_vs_3z", "3s_vs_4z", "3s_vs_5z", "3-notes.json"]),

@@ -1,7 +1,9 @@
 //! Files of snapshots: shown, and recorded from.
 
 use crate::kit::{check_error, output};
-use smaclite_engine::{Arena, Battle, Column, RecordLayout, RecordSizes, Rules, Scratch, policy};
+use smaclite_engine::{
+    Arena, Battle, Column, EnemySide, Opponent, RecordLayout, RecordSizes, Rules, Scratch, Sides, policy,
+};
 use smaclite_scenarios::Scenario;
 use smaclite_view::Replay;
 use std::fs;
@@ -70,7 +72,7 @@ fn the_snapshot_of_a_scenario_file_names_it() {
         output(folder, "show a.snapshot --scenario mine.json")
             .starts_with("mine: rules smaclite, opponent attack_move\nstep 2,")
     );
-    let other = "`a.snapshot`: the snapshot is of another scenario or rule set: column 'scenario' must be";
+    let other = "`a.snapshot`: the snapshot is of another scenario, or of the same with other keys";
     check_error(folder, "show a.snapshot --scenario 3m", 1, other);
     check_error(folder, "show mine.json --scenario 3m", 1, "--scenario is for snapshots");
     output(folder, "record mine.json --from a.snapshot --out a.smreplay");
@@ -151,4 +153,31 @@ fn episodes_begin_in_a_snapshot() {
     check_error(folder, "record --from a.snapshot --out a.smreplay", 1, message);
     assert!(output(folder, "show a.snapshot").contains("step 120, return 0.00, the battle is over\n"));
     check_error(folder, "record --from a.snapshot --rules paper --out a.smreplay", 2, "cannot be used with");
+}
+
+/// Snapshots of battles of two learners, as `watch` and `replay` write them, could be neither shown nor
+/// recorded from: "in the snapshot a learner plays the enemies, which needs sides `both`".
+#[test]
+fn a_battle_of_two_learners_is_shown_and_goes_on_against_a_script() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let scenario = standard("corridor");
+    let arena = Arena::new(&scenario, Rules::Paper).with_sides(Sides::Both(EnemySide::default()));
+    let mut battle = Battle::new(Arc::new(arena), 3);
+    let stop = vec![1; scenario.units.len()];
+    battle.step(&stop, &mut Scratch::new()).expect("all can stop");
+    let layout = RecordLayout::new(RecordSizes::new(&battle.arena().sizes(), 0));
+    let mut record = vec![0; layout.size()];
+    battle.write_record(&layout, &[], &mut record);
+    fs::write(folder.join("a.snapshot"), record).expect("a file");
+    let shown = output(folder, "show a.snapshot");
+    assert!(shown.starts_with("corridor: rules paper, opponent learner\nstep 1,"), "{shown}");
+    // In the file of corridor the enemies are first.
+    let (agents, enemies) = (shown.find("agent 5").expect("agents"), shown.find("enemy 0").expect("enemies"));
+    assert!(agents < enemies, "{shown}");
+    assert_eq!(recorded(folder, "--policy nearest").episodes()[0].opponent, Opponent::AttackMove);
+    assert_eq!(recorded(folder, "--opponent kite").episodes()[0].opponent.name(), "kite");
+    let several = "record --from a.snapshot --opponent kite=1,random=1 --out b.smreplay";
+    check_error(folder, several, 1, "--opponent must be one opponent beside --from");
+    check_error(folder, "record --from a.snapshot --opponent learner --out b.smreplay", 1, "learner");
 }

@@ -28,3 +28,31 @@ fn teams_of_the_zoo_play_by_name() {
     let best = "`zoo:3m` has no weights.safetensors: only the best weights were kept; choose those";
     check_error(folder, "evaluate zoo:3m --weights last", 1, best);
 }
+
+/// The weights of a team of the zoo were within the program alone: no page and no folder had them.
+#[test]
+fn an_exported_team_plays_as_in_the_zoo() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    output(folder, "zoo --export 3m teams/3m");
+    let play = |team: &str| output(folder, &format!("evaluate {team} --episodes 20 --seed 3"));
+    assert_eq!(play("teams/3m").lines().nth(2), play("zoo:3m").lines().nth(2));
+    let small = "--steps 200 --num-envs 8 --horizon 16 --last-actions 4";
+    output(folder, &format!("train 3m --opponent teams/3m --out run {small}"));
+    check_error(folder, "zoo --export zoo:3m teams/3m", 1, "`teams/3m` already holds a run");
+    check_error(folder, "zoo --export 4m teams/4m", 1, "the zoo has no team `4m`");
+    check_error(folder, "zoo --export 3m", 2, "2 values required");
+}
+
+/// The card named the file `best.safetensors` of any team: two datasets looked alike but for their hashes.
+#[test]
+fn a_dataset_says_whose_it_is() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let printed = output(folder, "dataset record zoo:3m --episodes 20 --out a.smdata");
+    let row = printed.lines().find(|line| line.starts_with("zoo:3m ")).expect(&printed);
+    assert!(row.contains(" steps ") && row.contains(" % "), "trained for, evaluated: {row}");
+    output(folder, "zoo --export 3m teams/mine");
+    let printed = output(folder, "dataset record teams/mine --episodes 20 --out b.smdata");
+    assert!(printed.contains("\nmine/best.safetensors "), "{printed}");
+}

@@ -4,6 +4,7 @@ use super::quality::QualityError;
 use crate::tensors::FileError;
 use smaclite_engine::IllegalAction;
 use smaclite_scenarios::Problems;
+use smaclite_units::file::shown_reason;
 use std::io;
 
 /// Why a dataset cannot be recorded, read or expanded. Episodes and steps are numbered from 0.
@@ -12,7 +13,7 @@ use std::io;
 pub enum DatasetError {
     #[error("{file}: {error}")]
     Io { file: String, error: io::Error },
-    #[error("{file}: expected a dataset of `smaclite-pool dataset record`: {reason}")]
+    #[error("{file}: expected a dataset of `smaclite-pool dataset record`: {}", shown_reason(reason))]
     NotADataset { file: String, reason: String },
     #[error("{file}: `version` must be {supported}, got {given}; it was written by {program}")]
     Version { file: String, given: u64, supported: u64, program: String },

@@ -219,10 +219,6 @@ impl<R: BufRead> Reader<'_, R> {
         let mut line = Vec::new();
         let read = self.input.by_ref().take(MAX_HEAD_BYTES).read_until(b'\n', &mut line);
         read.map_err(|error| self.failed(&error))?;
-        if line.last() != Some(&b'\n') {
-            let reason = format!("it does not begin with a line of at most {MAX_HEAD_BYTES} bytes");
-            return Err(self.not_a_dataset(reason));
-        }
         let json = |error: serde_json::Error| self.not_a_dataset(error.to_string());
         let start: Start = serde_json::from_slice(&line).map_err(json)?;
         if start.format != FORMAT {
@@ -236,6 +232,10 @@ impl<R: BufRead> Reader<'_, R> {
                 supported: VERSION,
                 program: shortened(&start.program),
             });
+        }
+        if line.last() != Some(&b'\n') {
+            let reason = format!("it does not begin with a line of at most {MAX_HEAD_BYTES} bytes");
+            return Err(self.not_a_dataset(reason));
         }
         serde_json::from_slice(&line).map_err(json)
     }

@@ -88,7 +88,7 @@ pub(super) fn policies(folder: &Path, quality: Quality) -> Result<Vec<(Policy, P
     }
     let policy = |evaluation: EvaluationRow| {
         let path = files.weights(evaluation.steps);
-        let name = path.strip_prefix(folder).unwrap_or(&path).display().to_string();
+        let name = name_in(folder, path.strip_prefix(folder).unwrap_or(&path));
         let (training_steps, sampled_win_rate) = (Some(evaluation.steps), Some(evaluation.sampled.win_rate));
         (Policy { name, training_steps, sampled_win_rate }, path)
     };
@@ -138,6 +138,12 @@ fn nearest_before(evaluations: &[EvaluationRow], above: usize, target: f64) -> O
     below.min_by(|&a, &b| distance(a).total_cmp(&distance(b)))
 }
 
+/// A file of a run by the name of the run's folder; where the folder is, is not of interest to others.
+pub(super) fn name_in(folder: &Path, file: &Path) -> String {
+    let absolute = std::path::absolute(folder).unwrap_or_else(|_| folder.to_owned());
+    Path::new(absolute.file_name().unwrap_or_default()).join(file).display().to_string()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -180,16 +186,18 @@ mod tests {
     #[test]
     fn a_row_that_was_cut_is_no_evaluation() {
         let folder = tempfile::tempdir().unwrap();
+        let run = folder.path().join("run");
+        std::fs::create_dir(&run).unwrap();
         let of = |text: &str| {
-            std::fs::write(folder.path().join("evaluations.csv"), text).unwrap();
-            policies(folder.path(), Quality::Replay).map_err(|error| error.to_string())
+            std::fs::write(run.join("evaluations.csv"), text).unwrap();
+            policies(&run, Quality::Replay).map_err(|error| error.to_string())
         };
         let head = EvaluationRow::COLUMNS.join(",") + "\n";
         let (first, last) = (row(10, 0.5).line(), row(20, 0.84375).line());
         let names = |text: &str| -> Vec<String> {
             of(text).unwrap().into_iter().map(|(policy, _)| policy.name).collect()
         };
-        let whole = ["evaluations/000000000010.safetensors", "evaluations/000000000020.safetensors"];
+        let whole = [10, 20].map(|steps| format!("run/evaluations/{steps:012}.safetensors"));
         assert_eq!(names(&format!("{head}{first}{last}")), whole);
         let cut = &last[..last.find("0.84375").unwrap() + 3];
         assert_eq!(names(&format!("{head}{first}{cut}")), whole[..1]);

@@ -1,19 +1,20 @@
 //! Recording: a policy plays, some episodes in lockstep on each thread, and its actions are kept.
 
 use super::file::{MAX_POLICIES, MAX_STEPS, this_program};
-use super::quality::{self, Quality};
+use super::quality::{self, Quality, name_in};
 use super::{Card, Dataset, DatasetError, End, Episode, Policy, starts};
 use crate::checkpoint::read_actor;
 use crate::description::{RunDescription, Weights};
 use crate::parallel;
 use crate::policy::Choice;
-use crate::team::Team;
+use crate::team::actor_mlp;
 use crate::tournament::battles::{self, LOCKSTEP, Play};
 use crate::tournament::player::Player;
 use crate::trained_team::TrainedTeam;
+use crate::zoo_cards::zoo_card;
 use smaclite_engine::policy::Tactic;
 use smaclite_engine::{Arena, BattleSetup, Opponents, Scratch, Sides};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// Jobs per thread between two looks at how many steps there are.
@@ -165,6 +166,17 @@ fn recorded_arena(setup: &BattleSetup) -> Result<Arc<Arena>, DatasetError> {
     }
 }
 
+/// What a dataset says of a team: whose it is, and for a team of the zoo how it was trained and plays.
+fn policy_of(folder: &Path, weights: Weights) -> Result<Policy, DatasetError> {
+    if let Some(card) = zoo_card(folder)? {
+        let name = folder.display().to_string();
+        let (training_steps, sampled_win_rate) = (Some(card.steps), Some(card.sampled.win_rate));
+        return Ok(Policy { name, training_steps, sampled_win_rate });
+    }
+    let name = name_in(folder, Path::new(weights.file_name()));
+    Ok(Policy { name, training_steps: None, sampled_win_rate: None })
+}
+
 impl Source {
     /// What is played, and who plays.
     fn open(&self) -> Result<(BattleSetup, Vec<(Policy, Player)>), DatasetError> {
@@ -181,15 +193,14 @@ impl Source {
                 let players = match quality {
                     None => {
                         let weights = Weights::of(folder, &run);
-                        let name = weights.file_name().to_owned();
-                        let policy = Policy { name, training_steps: None, sampled_win_rate: None };
+                        let policy = policy_of(folder, weights)?;
                         let team = TrainedTeam::open_with(folder, Some(weights))?;
                         vec![(policy, Player::Team(Box::new(team)))]
                     }
                     Some(quality) => {
                         let policies = quality::policies(folder, *quality)?.into_iter();
                         let open = |(policy, path): (Policy, PathBuf)| {
-                            let mlp = Team::new(&run.config, run.sizes).actor.mlp;
+                            let mlp = actor_mlp(&run.config, run.sizes);
                             let network = read_actor(&path, mlp)?;
                             let team = TrainedTeam { run: run.clone(), network };
                             Ok::<_, DatasetError>((policy, Player::Team(Box::new(team))))

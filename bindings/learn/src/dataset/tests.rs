@@ -244,14 +244,14 @@ fn the_weights_of_evaluations_are_recorded_by_their_quality() {
     let names = |dataset: &Dataset| -> Vec<String> {
         dataset.policies().iter().map(|policy| policy.name.clone()).collect()
     };
-    assert_eq!(names(&record(None).unwrap()), ["weights.safetensors"]);
+    assert_eq!(names(&record(None).unwrap()), ["run/weights.safetensors"]);
     let error = record(Some(Quality::Good)).unwrap_err().to_string();
     assert!(error.contains("the run has no evaluations") && error.contains("leave --quality out"), "{error}");
 
     write_evaluations(folder.path(), &[(100, 0.25), (200, 0.5)]);
     let [good, medium] = [Quality::Good, Quality::Medium].map(|quality| record(Some(quality)).unwrap());
-    assert_eq!(names(&good), ["evaluations/000000000200.safetensors"]);
-    assert_eq!(names(&medium), ["evaluations/000000000100.safetensors"]);
+    assert_eq!(names(&good), ["run/evaluations/000000000200.safetensors"]);
+    assert_eq!(names(&medium), ["run/evaluations/000000000100.safetensors"]);
     assert!(good.actions != medium.actions);
 
     let replay = record(Some(Quality::Replay)).unwrap();
@@ -272,7 +272,7 @@ fn the_weights_of_evaluations_are_recorded_by_their_quality() {
 
     let best = folder.path().join("run/best.safetensors");
     std::fs::copy(folder.path().join("run/weights.safetensors"), best).unwrap();
-    assert_eq!(names(&record(None).unwrap()), ["best.safetensors"]);
+    assert_eq!(names(&record(None).unwrap()), ["run/best.safetensors"]);
 
     let seeds: Vec<u64> = replay.episodes().iter().map(|episode| episode.seed).collect();
     assert_eq!(seeds, (3..3 + seeds.len() as u64).collect::<Vec<_>>(), "no two episodes have the same seed");

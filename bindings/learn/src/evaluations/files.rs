@@ -10,7 +10,7 @@ use crate::description::BEST;
 use crate::policy::Choice;
 use crate::rollout::Episode;
 use crate::team::Network;
-use crate::tensors::{FileError, remove};
+use crate::tensors::{FileError, read_text, remove};
 use std::fs::{self, OpenOptions};
 use std::io::{self, Write};
 use std::os::unix::ffi::OsStrExt;
@@ -200,13 +200,6 @@ fn read_lines(path: &Path) -> Result<String, FileError> {
     let mut text = read_text(path)?;
     text.truncate(text.rfind('\n').map_or(0, |end| end + 1));
     Ok(text)
-}
-
-fn read_text(path: &Path) -> Result<String, FileError> {
-    match fs::read_to_string(path) {
-        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(String::new()),
-        text => text.map_err(|source| FileError::Read { path: path.to_owned(), source }),
-    }
 }
 
 /// The step count that a file of weights is named by.

@@ -25,7 +25,7 @@ use crate::cpu_timer::CpuTimer;
 use crate::description::{BEST, RunDescription};
 use crate::parallel::Interrupted;
 use crate::policy::Choice;
-use crate::team::Team;
+use crate::team::actor_mlp;
 use crate::tensors::{FileError, remove};
 use crate::training::TrainError;
 pub(crate) use files::{BothEpisodes, EvaluationFiles};
@@ -166,7 +166,7 @@ impl Evaluations {
     fn restore_best(&self) -> Result<(), FileError> {
         let path = self.folder.join(BEST);
         let Some(best) = EvaluationRow::best(&self.rows) else { return remove(&path) };
-        let mlp = Team::new(&self.run.config, self.run.sizes).actor.mlp;
+        let mlp = actor_mlp(&self.run.config, self.run.sizes);
         let kept = read_actor(&self.files.weights(best.steps), mlp.clone())?;
         if !path.exists() || read_actor(&path, mlp)? != kept {
             write_actor(&path, &kept)?;

@@ -1,6 +1,6 @@
 //! `log.csv`: a header, and one line per update. A value that does not exist yet is empty.
 
-use crate::tensors::FileError;
+use crate::tensors::{FileError, read_text};
 use crate::training::Record;
 use std::fs::{File, OpenOptions};
 use std::io::{self, Write};
@@ -17,7 +17,7 @@ impl CsvLog {
     /// updates that are made again. A process that is killed meanwhile leaves the old file.
     pub fn open(path: &Path, updates: u64) -> Result<CsvLog, FileError> {
         let error = |source| FileError::Write { path: path.to_owned(), source };
-        let kept = if updates == 0 { String::new() } else { kept(path, updates).map_err(error)? };
+        let kept = if updates == 0 { String::new() } else { kept(&read_text(path)?, updates) };
         crate::tensors::write(path, kept.as_bytes())?;
         let file = OpenOptions::new().append(true).open(path).map_err(error)?;
         Ok(CsvLog { path: path.to_owned(), file })
@@ -39,17 +39,13 @@ impl CsvLog {
     }
 }
 
-/// The header and the lines of the first updates. A file that does not exist has none.
-fn kept(path: &Path, updates: u64) -> io::Result<String> {
-    let text = match std::fs::read_to_string(path) {
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(String::new()),
-        text => text?,
-    };
+/// The header and the lines of the first updates.
+fn kept(text: &str, updates: u64) -> String {
     let is_kept = |line: &&str| {
         let update = line.split(',').next().and_then(|update| update.parse::<u64>().ok());
         line.ends_with('\n') && update.is_none_or(|update| update <= updates)
     };
-    Ok(text.split_inclusive('\n').filter(is_kept).collect())
+    text.split_inclusive('\n').filter(is_kept).collect()
 }
 
 #[cfg(test)]

@@ -17,6 +17,7 @@ const SIZES: Sizes = Sizes {
     obs_size: 3,
     state_size: 6,
     perception_size: 0,
+    n_phases: 0,
     enemies: None,
 };
 

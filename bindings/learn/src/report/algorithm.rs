@@ -2,6 +2,7 @@
 
 use super::{EvaluatedRun, ReportError};
 use crate::tensors::FileError;
+use crate::zoo_folders;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -22,6 +23,7 @@ impl AlgorithmRuns {
     pub(super) fn read(name: &str, folders: &[PathBuf]) -> Result<AlgorithmRuns, ReportError> {
         let mut tasks: BTreeMap<String, Vec<EvaluatedRun>> = BTreeMap::new();
         for folder in folders {
+            zoo_folders::refuse(folder, "evaluations to report")?;
             let mut found = Vec::new();
             find(folder, MAX_DEPTH, &mut found)?;
             if found.is_empty() {
@@ -50,6 +52,9 @@ fn find(folder: &Path, depth: usize, found: &mut Vec<PathBuf>) -> Result<(), Fil
     if EvaluatedRun::is_in(folder) {
         found.push(folder.to_owned());
         return Ok(());
+    }
+    if folder.is_file() {
+        return Ok(()); // which has no runs
     }
     let error = |source| FileError::Read { path: folder.to_owned(), source };
     let mut inner = Vec::new();

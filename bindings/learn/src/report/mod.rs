@@ -117,7 +117,7 @@ impl Benchmark {
             });
             notes.push(format!("numbers of seeds differ: {}", each.collect::<Vec<_>>().join(", ")));
         }
-        notes.extend(self.algorithms.iter().filter_map(few_runs));
+        notes.extend(self.few_runs());
         for algorithm in &self.algorithms {
             for task in algorithm.tasks.keys().filter(|task| algorithm.has_mixed_settings(task)) {
                 notes.push(format!(
@@ -130,6 +130,23 @@ impl Benchmark {
             notes.push("evaluations of algorithms or tasks are at different steps".to_owned());
         }
         notes
+    }
+
+    /// Where runs are few; one note for algorithms of which the same is to be said.
+    fn few_runs(&self) -> Vec<String> {
+        let mut notes: Vec<(String, Vec<&str>)> = Vec::new();
+        for algorithm in &self.algorithms {
+            let Some(text) = few_runs(algorithm) else { continue };
+            match notes.iter_mut().find(|(known, _)| *known == text) {
+                Some((_, names)) => names.push(&algorithm.name),
+                None => notes.push((text, vec![&algorithm.name])),
+            }
+        }
+        let note = |(text, names): (String, Vec<&str>)| {
+            let have = if names.len() == 1 { "has" } else { "have" };
+            format!("{} {have} {text}", names.join(" and "))
+        };
+        notes.into_iter().map(note).collect()
     }
 
     /// The step counts of the evaluations, if they are equal in all runs.
@@ -158,5 +175,5 @@ fn few_runs(algorithm: &AlgorithmRuns) -> Option<String> {
         }
         _ => "their interval is narrow by chance",
     };
-    Some(format!("{} has fewer than five runs of {tasks} (at least {fewest}): {meaning}", algorithm.name))
+    Some(format!("fewer than five runs of {tasks} (at least {fewest}): {meaning}"))
 }

@@ -198,7 +198,9 @@ impl Described {
                 rules.parse().map_err(|error: UnknownRules| damaged(error.to_string()))?
             }
             Some(other) => {
-                return Err(damaged(format!("`rules` must be `smaclite` or `paper`, got {other}")));
+                return Err(damaged(format!(
+                    "`rules` must be `smaclite`, `paper` or `starcraft`, got {other}"
+                )));
             }
         };
         let task = task_name(&name.to_string_lossy(), rules);
@@ -211,7 +213,7 @@ impl Described {
 fn task_name(scenario: &str, rules: Rules) -> String {
     match rules {
         Rules::Smaclite => scenario.to_owned(),
-        Rules::Paper => format!("{scenario}-paper"),
+        Rules::Paper | Rules::Starcraft => format!("{scenario}-{rules}"),
     }
 }
 

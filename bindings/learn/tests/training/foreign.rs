@@ -107,7 +107,9 @@ fn the_rules_are_a_part_of_the_task() {
         run.write("options.json", &with_rules(rules));
         assert_eq!(read(&run.place, &[("a", "runs")]).unwrap().tasks(), [task]);
     }
-    for (rules, expected) in [("\"papre\"", "papre"), ("3", "`rules` must be `smaclite` or `paper`, got 3")] {
+    for (rules, expected) in
+        [("\"papre\"", "papre"), ("3", "`rules` must be `smaclite`, `paper` or `starcraft`, got 3")]
+    {
         run.write("options.json", &with_rules(rules));
         run.check_refused("options.json", &[expected]);
     }

@@ -1,6 +1,6 @@
 """Search instead of learning: beam search and Monte-Carlo tree search over branches of one battle.
 
-    python -m smaclite_pool.examples.planning 3s_vs_4z                                # beam search
+    python -m smaclite_pool.examples.planning 5m_vs_6m                                # beam search
     python -m smaclite_pool.examples.planning 3m --method mcts --steps 300000
 
 Both look for one good episode. Copies of a battle have its execution orders, so a plan leads again to what
@@ -224,7 +224,7 @@ def replayed(scenario: str, plan: Plan, seed: int) -> tuple[float, bool]:
 
 def arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description="Search for a good episode of a scenario.")
-    parser.add_argument("scenario", nargs="?", default="3s_vs_4z", help="a standard scenario or a file")
+    parser.add_argument("scenario", nargs="?", default="5m_vs_6m", help="a standard scenario or a file")
     parser.add_argument("--method", choices=["beam", "mcts"], default="beam")
     policies = ["random", "nearest", "focus_fire", "kite", "hold"]
     a_policy = "whose actions are varied (default: focus_fire)"

@@ -1,6 +1,7 @@
 """PPO of a team in one file: MAPPO or IPPO (`--algorithm`).
 
     python -m smaclite_pool.examples.ppo 2s3z --steps 500000 --seed 1
+    python -m smaclite_pool.examples.ppo 3m --seeds 5 --evaluate-every 50000 --out runs/ppo
 
 Proximal policy optimisation (Schulman et al., 2017) repeats two phases: play some steps of all environments
 with the current policy, then improve policy and critic by a few passes of gradient steps over these data. All
@@ -465,7 +466,8 @@ def evaluate(learner: Learner, options: Options) -> sp.Evaluation:
         )
 
 
-def parse_options(description: str | None) -> Options:
+def parse_options(description: str | None) -> tuple[Options, int]:
+    """The options of the first run, and how many runs there are."""
     keep_lines = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser(description=description, formatter_class=keep_lines)
     parser.add_argument("scenario", nargs="?", default="2s3z", help="a standard scenario or a file")
@@ -475,19 +477,29 @@ def parse_options(description: str | None) -> Options:
             parser.add_argument(flag, action="store_true", help=o.metadata["help"])
         else:
             parser.add_argument(flag, dest=o.name, type=kind, default=o.default, **o.metadata)
-    return Options(**vars(parser.parse_args()))
+    several = "train that many runs, one after the other, with seeds from --seed on (default: 1)"
+    parser.add_argument("--seeds", type=int, default=1, help=several)
+    given = vars(parser.parse_args())
+    seeds = given.pop("seeds")
+    if seeds < 1:
+        parser.error(f"--seeds must be at least 1, got {seeds}")
+    return Options(**given), seeds
 
 
 def main(description: str | None = __doc__, make_envs: Callable[[Options, int], Any] = make) -> None:
-    options = parse_options(description)
+    first, seeds = parse_options(description)
     try:
-        learner = train(options, make_envs)
-        if options.evaluate_episodes > 0:
-            result = evaluate(learner, options)
-            print(
-                f"{len(result)} episodes, {'greedy' if options.greedy else 'sampled'}: won "
-                f"{result.win_rate:.1%}, return {result.mean_return:.2f}, {result.mean_length:.1f} steps"
-            )
+        for seed in range(first.seed, first.seed + seeds):
+            options = replace(first, seed=seed)
+            if seeds > 1:
+                print(f"seed {seed}", flush=True)
+            learner = train(options, make_envs)
+            if options.evaluate_episodes > 0:
+                result = evaluate(learner, options)
+                print(
+                    f"{len(result)} episodes, {'greedy' if options.greedy else 'sampled'}: won "
+                    f"{result.win_rate:.1%}, return {result.mean_return:.2f}, {result.mean_length:.1f} steps"
+                )
     except sp.PoolError as error:
         raise SystemExit(f"ppo: {error}") from None
     except FileExistsError as error:

@@ -107,7 +107,7 @@ def improve(weights: Arrays, rollout: Arrays, rate: float) -> Arrays:
 
 
 def train(options: argparse.Namespace) -> None:
-    settings = {"lanes": options.lanes, "threads": options.threads, "serve": ("--autoreset", "same_step")}
+    settings = {"lanes": options.lanes, "threads": options.threads, "serve": ("--autoreset-mode", "SameStep")}
     with start(options.scenario, options.num_envs, **settings) as fleet:
         rollouts = fleet.spawn(Rollout, options.steps)
         sizes = ray.get(rollouts[0].sizes.remote())

@@ -16,6 +16,7 @@ Axes of arrays: N environments of one side each, A units of a side.
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -53,7 +54,8 @@ class Sides(sp.Wrapper):
         pairs["reward"] = (batch.reward, batch.enemy_reward)
         pairs["battle_won"] = (batch.battle_won, enemies_won)
         pairs["episode_return"] = (batch.episode_return, self.enemy_return)
-        return batch.replace(**{name: np.concatenate(pair) for name, pair in pairs.items()})
+        # Not a `Batch`: that has a row per battle, and this one a row per side.
+        return SimpleNamespace(**{name: np.concatenate(pair) for name, pair in pairs.items()})
 
     def change_actions(self, actions: ArrayLike) -> ArrayLike:
         """From [N, A] to [N / 2, 2 A]: of each battle, the agents first."""

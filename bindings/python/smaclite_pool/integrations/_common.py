@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import inspect
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from os import PathLike
-from typing import Any
+from typing import Any, Literal, TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .._native import Batch, Envs, make
+from .._layout import Bounds, field_bounds
+from .._native import NO_OP, STOP, Batch, Envs, check_settings, make
 from ..errors import InvalidRequest
+
+IllegalActions: TypeAlias = Literal["error", "stop"]
+
+Copied = TypeVar("Copied", bound="CopiedByArguments")
 
 OBSERVATION_KEYS = {"obs": "obs", "state": "state", "action_mask": "avail_actions"}
 """Keys of the observations of vector environments, and the field of a batch that each one contains."""
@@ -48,6 +54,73 @@ def check_one_side(envs: Envs) -> Envs:
             "environment play both sides"
         )
     return envs
+
+
+def check_keywords(made_by: Callable[..., Any], settings: Mapping[str, Any]) -> None:
+    """Raise TypeError, in the name of a function or class, for settings that `smaclite_pool.make` lacks."""
+    is_class = isinstance(made_by, type)
+    function = made_by.__init__ if is_class else made_by
+    parameters = inspect.signature(function).parameters.values()
+    own = [parameter.name for parameter in parameters if parameter.kind is not parameter.VAR_KEYWORD]
+    check_settings(made_by.__name__, dict(settings), own)
+
+
+def stop_unavailable(actions: Any, avail_actions: NDArray[np.bool_]) -> NDArray[Any]:
+    """Replace every unavailable action by a stop, or by a no-op if the agent is dead.
+
+    `actions` are integers [..., n_agents], `avail_actions` [..., n_agents, n_actions]. Actions of another
+    shape or dtype are returned as they are; the pool refuses them with an error that says what is accepted.
+    """
+    given = np.asarray(actions)
+    if given.shape != avail_actions.shape[:-1] or not np.issubdtype(given.dtype, np.integer):
+        return given
+    known = np.clip(given, 0, avail_actions.shape[-1] - 1)
+    available = np.take_along_axis(avail_actions, known[..., None], axis=-1)[..., 0] & (known == given)
+    fallback = np.where(avail_actions[..., STOP], STOP, NO_OP).astype(given.dtype)
+    return np.where(available, given, fallback)
+
+
+def stops(illegal_actions: IllegalActions) -> bool:
+    if illegal_actions not in ("error", "stop"):
+        raise InvalidRequest(f'illegal_actions must be "error" or "stop", got {illegal_actions!r}')
+    return illegal_actions == "stop"
+
+
+class CopiedByArguments:
+    """Mixed into single environments: before the first reset, a copy is made anew from the same arguments.
+
+    So are most environments of Gymnasium and PettingZoo copied. Without a seed among the arguments, each copy
+    draws its own.
+    """
+
+    _battle: SingleBattle
+    _arguments: tuple[tuple[Any, ...], dict[str, Any]]
+    __signature__: inspect.Signature
+
+    def __init_subclass__(cls, **options: Any) -> None:
+        super().__init_subclass__(**options)
+        # Else `help` would show the arguments of `__new__`.
+        signature = inspect.signature(cls.__init__)
+        cls.__signature__ = signature.replace(parameters=[*signature.parameters.values()][1:])
+
+    def __new__(cls: type[Copied], *args: Any, **kwargs: Any) -> Copied:
+        made = super().__new__(cls)
+        made._arguments = args, kwargs
+        return made
+
+    def __reduce_ex__(self, protocol: Any) -> tuple[Any, ...]:
+        if self._battle.has_begun:
+            raise TypeError(
+                f"{type(self).__name__} cannot be copied or pickled after its first reset: "
+                "`save` and `restore` carry its battle to another environment with the same arguments, and "
+                "`Envs.fork` of smaclite_pool.make copies battles inside a pool"
+            )
+        args, kwargs = self._arguments
+        return _made_again, (type(self), args, kwargs)
+
+
+def _made_again(made: type[Copied], args: tuple[Any, ...], kwargs: dict[str, Any]) -> Copied:
+    return made(*args, **kwargs)
 
 
 @dataclass(frozen=True)
@@ -146,7 +219,7 @@ class SingleBattle:
     """A pool of one environment, which waits for a reset when its battle has ended.
 
     A reset uses the seed that it is given, or else the seed of `seed_next_reset`. Without either the first
-    reset uses the seed of `settings`, and later ones continue the random generator.
+    reset uses the seed of `settings`, or a random one, and later ones continue the random generator.
 
     Args:
         scenario: a standard scenario or the path of a scenario file.
@@ -171,7 +244,7 @@ class SingleBattle:
         fields = [*SINGLE_BATTLE_FIELDS, *(SHARE_FIELDS if shares else ())]
         # Frameworks run many of these per machine, where a thread that spins takes CPU time from the others.
         defaults = {"threads": 1, "wait": "block", "max_held_batches": 2}
-        self.envs = make(scenario, 1, autoreset="disabled", fields=fields, **{**defaults, **settings})
+        self.envs = make(scenario, 1, autoreset_mode="Disabled", fields=fields, **{**defaults, **settings})
         if not both_sides:
             check_one_side(self.envs)
         self.agents = [f"agent_{agent}" for agent in range(self.envs.n_agents)]
@@ -196,8 +269,11 @@ class SingleBattle:
         """Use this seed for the next reset that is not given one."""
         self._next_seed = seed
 
-    def reset(self, seed: int | None = None) -> TimeStep:
-        """Begin a battle."""
+    def reset(self, seed: int | None = None, options: Mapping[str, Any] | None = None) -> TimeStep:
+        """Begin a battle, or continue from `options["snapshot"]`."""
+        snapshot = (options or {}).get("snapshot")
+        if snapshot is not None:
+            return self.restore(snapshot, seed)
         self._last = TimeStep.of(self.envs.reset(self._next_seed if seed is None else seed))
         self._next_seed = None
         return self._last
@@ -205,8 +281,10 @@ class SingleBattle:
     def restore(self, snapshot: NDArray[np.uint8], seed: int | None = None) -> TimeStep:
         """Continue from a snapshot; with a seed, with execution orders drawn from it.
 
-        Raises InvalidRequest before the first reset, and for a snapshot of another scenario or rule set.
+        Raises InvalidRequest for a snapshot of another scenario or rule set.
         """
+        if not self.has_begun:
+            self.envs.reset()  # which every lane begins with
         rng = "keep" if seed is None else "reseed"
         self._last = TimeStep.of(self.envs.restore(snapshot, rng=rng, seed=seed))
         return self._last
@@ -241,6 +319,18 @@ class SingleBattle:
         own = dict.fromkeys(self.agents[: envs.n_agents], (envs.obs_size, envs.n_actions))
         sizes = (envs.enemy_obs_size, envs.n_enemy_actions)
         return own | dict.fromkeys(self.agents[envs.n_agents :], sizes)
+
+    @property
+    def obs_bounds(self) -> dict[str, Bounds]:
+        """The least and the greatest values of observations by name."""
+        bounds, n_agents = field_bounds(self.envs), self.envs.n_agents
+        own = dict.fromkeys(self.agents[:n_agents], bounds["obs"])
+        return own | dict.fromkeys(self.agents[n_agents:], bounds["enemy_obs"])
+
+    def description(self, of: object) -> str:
+        """The `repr` of the environment `of`, which plays this battle."""
+        envs = self.envs
+        return f"<{type(of).__name__} {envs.scenario}, {len(self.agents)} agents, seed {envs.seed}>"
 
     def close(self) -> None:
         """End the pool. Calling it again has no effect."""

@@ -10,6 +10,7 @@ from gymnasium import spaces
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from .._layout import Bounds, field_bounds
 from .._native import Envs
 from ..errors import Closed, InvalidRequest
 from ._common import ENEMY_OBSERVATION_KEYS, OBSERVATION_KEYS
@@ -124,15 +125,21 @@ class AvailableBox(_SamplesAvailable, spaces.Box):
 def single_observation_space(envs: Envs) -> spaces.Dict:
     """The observation of one environment, with the keys whose fields the lane has.
 
-    `obs` float32 [n_agents, obs_size] and `state` float32 [state_size], both in [-1, 1], and `action_mask`
-    int8 [n_agents, n_actions]; if actions play both sides, then `enemy_obs`, `enemy_state` and
-    `enemy_action_mask` too.
+    `obs` float32 [n_agents, obs_size] and `state` float32 [state_size], whose features are between -1 and 1
+    but for those that can be beyond, and `action_mask` int8 [n_agents, n_actions]; if actions play both
+    sides, then `enemy_obs`, `enemy_state` and `enemy_action_mask` too.
     """
-    return observation_space({name: (dtype, shape[1:]) for name, (dtype, shape) in envs.fields.items()})
+    fields = {name: (dtype, shape[1:]) for name, (dtype, shape) in envs.fields.items()}
+    return observation_space(fields, field_bounds(envs))
 
 
-def observation_space(fields: Mapping[str, tuple[Any, Sequence[int]]]) -> spaces.Dict:
-    """The same of fields with these dtypes and shapes, without the axis of environments."""
+def observation_space(
+    fields: Mapping[str, tuple[Any, Sequence[int]]], bounds: Mapping[str, Bounds]
+) -> spaces.Dict:
+    """The same of fields with these dtypes and shapes, without the axis of environments.
+
+    Fields without bounds can have any number.
+    """
     present: dict[str, spaces.Space[Any]] = {}
     for key, field in (OBSERVATION_KEYS | ENEMY_OBSERVATION_KEYS).items():
         if field in fields:
@@ -140,8 +147,16 @@ def observation_space(fields: Mapping[str, tuple[Any, Sequence[int]]]) -> spaces
             if dtype == np.bool_:  # not MultiBinary, as TorchRL knows that with one axis only
                 present[key] = spaces.Box(0, 1, tuple(shape), np.int8)
             else:
-                present[key] = spaces.Box(-1.0, 1.0, tuple(shape), np.float32)
+                present[key] = bounded_box(bounds.get(field), tuple(shape))
     return spaces.Dict(present)
+
+
+def bounded_box(bounds: Bounds | None, shape: tuple[int, ...]) -> spaces.Box:
+    """Floats of a shape whose last axis has these bounds."""
+    low, high = bounds or (np.float32(-np.inf), np.float32(np.inf))
+    return spaces.Box(
+        np.broadcast_to(low, shape).copy(), np.broadcast_to(high, shape).copy(), dtype=np.float32
+    )
 
 
 def batched_observation_space(envs: Envs) -> spaces.Dict:

@@ -33,7 +33,7 @@ from numpy.typing import ArrayLike, NDArray
 from .. import _native
 from .._native import Batch, Envs, scenarios
 from ..errors import InvalidRequest
-from ._common import ENEMY_OBSERVATION_KEYS, INFO_FIELDS, OBSERVATION_KEYS
+from ._common import ENEMY_OBSERVATION_KEYS, INFO_FIELDS, OBSERVATION_KEYS, check_keywords
 
 if TYPE_CHECKING:
     from gymnasium import spaces
@@ -253,10 +253,16 @@ def make(
         max_episode_steps: steps after which an episode is truncated; None for the limit of the scenario.
         thread_affinity_offset: must be -1 (no pinning).
         copy: as in `EnvPool`.
-        settings: `autoreset`, `rules`, `fields`, `wait` and other arguments of `smaclite_pool.make`.
+        settings: `autoreset_mode`, `rules`, `fields`, `wait` and other arguments of `smaclite_pool.make`.
 
     Raises InvalidRequest, ScenarioError and StartError.
     """
+    for name, own in {"threads": "num_threads", "episode_limit": "max_episode_steps"}.items():
+        if name in settings:
+            raise TypeError(
+                f"make() got an unexpected keyword argument {name!r}; use `{own}`, EnvPool's name"
+            )
+    check_keywords(make, settings)
     if env_type not in ("gymnasium", "gym"):
         raise InvalidRequest(f'env_type must be "gymnasium" or "gym", got {env_type!r}')
     if thread_affinity_offset != -1:

@@ -26,19 +26,20 @@ Each id serves both functions of Gymnasium, with the same observations and actio
 
 `RecordEpisodeStatistics` works with every autoreset mode, but before Gymnasium 1.4 it loses the first step
 after a same-step reset; `episode_return` and `episode_length` in `infos` need no wrapper. TorchRL's
-`GymWrapper` needs `autoreset_mode="disabled"`, and renames the key `state` to `observation`; the module
+`GymWrapper` needs `autoreset_mode="Disabled"`, and renames the key `state` to `observation`; the module
 `smaclite_pool.integrations.torchrl` needs no wrapper.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from os import PathLike
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._native import NO_OP, STOP, Batch, Envs, Renderer, make, scenarios
+from .._native import Batch, Envs, Renderer, make, scenarios
 from .._render import (
     RENDER_FPS,
     RENDER_MODES,
@@ -50,7 +51,18 @@ from .._render import (
 )
 from .._requirements import require_synchronous
 from ..errors import InvalidRequest
-from ._common import INFO_FIELDS, OBSERVATION_KEYS, SingleBattle, TimeStep, check_one_side
+from ._common import (
+    INFO_FIELDS,
+    OBSERVATION_KEYS,
+    CopiedByArguments,
+    IllegalActions,
+    SingleBattle,
+    TimeStep,
+    check_keywords,
+    check_one_side,
+    stop_unavailable,
+    stops,
+)
 from ._extra import extra
 
 with extra("gymnasium"):
@@ -72,13 +84,6 @@ __all__ = ["BattleEnv", "BattleVectorEnv", "make_vector"]
 
 Arrays: TypeAlias = dict[str, NDArray[Any]]
 Scenario: TypeAlias = "str | PathLike[str]"
-IllegalActions: TypeAlias = Literal["error", "stop"]
-
-AUTORESET_MODES = {
-    "next_step": AutoresetMode.NEXT_STEP,
-    "same_step": AutoresetMode.SAME_STEP,
-    "disabled": AutoresetMode.DISABLED,
-}
 
 
 class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[Any]]):
@@ -130,10 +135,10 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
         check_one_side(envs)
         require_synchronous(envs, "a VectorEnv")
         self._envs, self._copy = envs, copy
-        self._stops = _stops(illegal_actions)
+        self._stops = stops(illegal_actions)
         self._last: Batch | None = None  # only with "stop" or snapshots
         self.num_envs = envs.num_envs
-        self.autoreset_mode = AUTORESET_MODES[envs.autoreset]
+        self.autoreset_mode = AutoresetMode(envs.autoreset_mode)
         self.metadata = {
             "render_modes": list(RENDER_MODES),
             "render_fps": RENDER_FPS,
@@ -151,21 +156,39 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
         self.closed = False
 
     def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Arrays, dict[str, Any]]:
         """Begin new episodes in all environments, or where `options["reset_mask"]` is True, bool [num_envs].
 
-        With a seed, environment i is seeded with seed + i; without one its random generator continues. Raises
-        InvalidRequest for a mask of another shape, or without any True.
+        With a seed, environment i is seeded with seed + i, or with seed[i] if it is a list; without one its
+        random generator continues. With `options["snapshot"]`, uint8 [num_envs, snapshot_size], the battles
+        continue from snapshots, as by `restore`, and wrappers begin to count anew. Raises InvalidRequest for
+        another number of seeds, a mask of another shape or without any True, and a mask beside snapshots.
         """
-        super().reset(seed=seed)
-        mask = (options or {}).get("reset_mask")
-        if mask is not None and not np.any(mask):
-            raise InvalidRequest("options['reset_mask'] must be True for at least one environment")
-        batch = self._envs.reset(seed, mask=mask)
+        super().reset(seed=seed if isinstance(seed, int) else None)
+        options = options or {}
+        mask, snapshot = options.get("reset_mask"), options.get("snapshot")
+        if snapshot is not None:
+            if mask is not None:
+                raise InvalidRequest("options['snapshot'] and options['reset_mask'] exclude each other")
+            return self.restore(snapshot, seed=self._one_seed(seed))
+        if mask is None:
+            present, batch = np.ones(self.num_envs, np.bool_), self._envs.reset(seed)
+        else:
+            present = np.asarray(mask)
+            if not present.any():
+                raise InvalidRequest("options['reset_mask'] must be True for at least one environment")
+            if seed is not None and not isinstance(seed, int) and len(seed) == len(present):
+                seed = [own for own, is_reset in zip(seed, present, strict=True) if is_reset]
+            batch = self._envs.reset(seed, mask=present)
         self._keep(batch)
-        present = np.ones(self.num_envs, np.bool_) if mask is None else mask
         return self._observations(batch, ""), self._infos(batch, present)
+
+    @staticmethod
+    def _one_seed(seed: int | Sequence[int | None] | None) -> int | None:
+        if seed is not None and not isinstance(seed, int):
+            raise InvalidRequest("with options['snapshot'], seed must be one integer or None, got a list")
+        return seed
 
     def step(
         self, actions: NDArray[Any]
@@ -180,7 +203,7 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
         batch = self._envs.step(actions)
         self._keep(batch)
         infos = self._infos(batch, np.ones(self.num_envs, np.bool_))
-        if self._envs.autoreset == "same_step":
+        if self._envs.autoreset_mode == "SameStep":
             self._add_final(infos, batch)
         terminated, truncated = batch.terminated.copy(), batch.truncated.copy()
         return self._observations(batch, ""), batch.reward.astype(np.float64), terminated, truncated, infos
@@ -188,6 +211,7 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
     def save(self) -> NDArray[np.uint8]:
         """The battles as they are now, uint8 [num_envs, snapshot_size], for `restore`.
 
+        Gymnasium's wrappers do not hand the method on: call `envs.unwrapped.save()` on a wrapped environment.
         Raises InvalidRequest before the first reset, or if the lane has no field `snapshot`.
         """
         if "snapshot" not in self._envs.fields:
@@ -204,6 +228,9 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
         seed: int | None = None,
     ) -> tuple[Arrays, dict[str, Any]]:
         """Continue from snapshots, uint8 [K, snapshot_size], in all environments or those of `env_id`.
+
+        Wrappers do not know of it: on a wrapped environment, `envs.reset(options={"snapshot": snapshots})`
+        does the same for all environments, and wrappers begin to count anew.
 
         Returns observations and infos of all environments as after a reset. Without a seed the battles go on
         as they would have gone on; with one, environment i has the execution orders of seed + i. Raises
@@ -254,6 +281,9 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
         infos["final_obs"], infos["_final_obs"] = final_obs, ended
         infos["final_info"], infos["_final_info"] = self._infos(batch, ended), ended.copy()
 
+    def __repr__(self) -> str:
+        return f"<BattleVectorEnv of {self._envs!r}>"
+
     def close_extras(self, **kwargs: Any) -> None:
         """Close the environments and the window."""
         self._last = None
@@ -266,7 +296,7 @@ def make_vector(
     num_envs: int = 1,
     *,
     map_file: Scenario | None = None,
-    autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+    autoreset_mode: AutoresetMode | Literal["NextStep", "SameStep", "Disabled"] = AutoresetMode.NEXT_STEP,
     max_episode_steps: int | None = None,
     seed: int | None = None,
     illegal_actions: IllegalActions = "error",
@@ -280,7 +310,7 @@ def make_vector(
     Args:
         scenario, map_file: a standard scenario, or the path of a scenario file; exactly one of them.
         num_envs: number of environments.
-        autoreset_mode: an `AutoresetMode`, its value ("NextStep") or the pool's name for it ("next_step").
+        autoreset_mode: an `AutoresetMode` or its value, such as "NextStep".
         max_episode_steps: steps after which an episode is truncated; None for the limit of the scenario.
         seed: environment i is seeded with seed + i until a reset with another seed; None for a random seed.
         illegal_actions, copy, render_mode, render_speed: as in `BattleVectorEnv`.
@@ -288,15 +318,13 @@ def make_vector(
 
     Raises InvalidRequest, ScenarioError and StartError.
     """
-    mode = autoreset_mode.value if isinstance(autoreset_mode, AutoresetMode) else autoreset_mode
-    pool_names = {mode.value: name for name, mode in AUTORESET_MODES.items()}
+    check_keywords(make_vector, settings)
     if max_episode_steps is not None:
         settings["episode_limit"] = max_episode_steps
-    settings.update(seed=_seed_or_random(seed), autoreset=pool_names.get(mode, mode))
     check_render_mode(render_mode)
     check_render_speed(render_speed)
     return BattleVectorEnv(
-        make(_one_of(scenario, map_file), num_envs, **settings),
+        make(_one_of(scenario, map_file), num_envs, seed=seed, autoreset_mode=autoreset_mode, **settings),
         illegal_actions=illegal_actions,
         copy=copy,
         render_mode=render_mode,
@@ -304,18 +332,18 @@ def make_vector(
     )
 
 
-class BattleEnv(gymnasium.Env[Any, Any]):
+class BattleEnv(CopiedByArguments, gymnasium.Env[Any, Any]):
     """One battle: a row of a `BattleVectorEnv`, without the axis of the environments.
 
     Observations are a dict of `obs` float32 [n_agents, obs_size], `state` float32 [state_size] and
     `action_mask` int8 [n_agents, n_actions]. Actions are integers [n_agents], and dead agents use 0 (no-op).
     The reward is that of the team. `info` contains battle_won, dead_allies, dead_enemies, episode_return and
     episode_length after the step. Single battles are slow; for training, step many at once with
-    `gymnasium.make_vec`.
+    `gymnasium.make_vec`. Before the first reset, an environment can be copied and pickled: by its arguments.
 
     Args:
         scenario, map_file: a standard scenario, or the path of a scenario file; exactly one of them.
-        seed: for the first reset without a seed; None to draw one from NumPy's global generator.
+        seed: for the first reset without a seed; None for a random one.
         episode_limit: steps after which an episode is truncated; None for no limit, "default" for the limit
             of the scenario.
         illegal_actions: "error" or "stop", as in `BattleVectorEnv`.
@@ -342,13 +370,13 @@ class BattleEnv(gymnasium.Env[Any, Any]):
         render_speed: float | None = 1.0,
         **settings: Any,
     ) -> None:
-        self._stops = _stops(illegal_actions)
+        check_keywords(type(self), settings)
+        self._stops = stops(illegal_actions)
         name = _one_of(scenario, map_file)
         self.render_mode = render_mode
         self._viewer = BattleViewer(name, *self.picture_size, render_mode, render_speed)
-        seed = _seed_or_random(seed)
-        self._np_random, self._np_random_seed = seeding.np_random(seed)
         self._battle = SingleBattle(name, {"seed": seed, "episode_limit": episode_limit, **settings})
+        self._np_random, self._np_random_seed = seeding.np_random(self._battle.envs.seed)
         self.observation_space, self.action_space = self._spaces(name, self._battle.envs)
 
     def _spaces(self, scenario: Scenario, envs: Envs) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
@@ -357,9 +385,13 @@ class BattleEnv(gymnasium.Env[Any, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Begin a new battle. Without a seed the random generator continues. `options` are ignored."""
+        """Begin a new battle. Without a seed the random generator continues.
+
+        With `options["snapshot"]` the battle continues from a snapshot, as by `restore`, and wrappers begin
+        to count anew. Other options are ignored.
+        """
         super().reset(seed=seed)
-        now = self._battle.reset(seed)
+        now = self._battle.reset(seed, options)
         self._show()
         return self._observation(now), self._info(now)
 
@@ -378,7 +410,8 @@ class BattleEnv(gymnasium.Env[Any, Any]):
     def save(self) -> NDArray[np.uint8]:
         """The battle as it is now, uint8 [snapshot_size], for `restore` of an environment of this scenario.
 
-        Raises InvalidRequest before the first reset.
+        Gymnasium's wrappers, which `gymnasium.make` adds, do not hand the method on: call
+        `env.unwrapped.save()`. Raises InvalidRequest before the first reset.
         """
         return self._battle.last.snapshot.copy()
 
@@ -386,7 +419,9 @@ class BattleEnv(gymnasium.Env[Any, Any]):
         """Continue from a snapshot, and return observation and info as after a reset.
 
         Without a seed the battle goes on as it would have gone on; with one it has other execution orders.
-        Raises InvalidRequest before the first reset, and for a snapshot of another scenario or rule set.
+        Wrappers do not know of it: those of `gymnasium.make` refuse the next step if they were not reset, and
+        go on counting steps if they were. `env.reset(options={"snapshot": snapshot})` does the same and is
+        seen by all of them. Raises InvalidRequest for a snapshot of another scenario or rule set.
         """
         now = self._battle.restore(snapshot, seed)
         self._show()
@@ -410,31 +445,13 @@ class BattleEnv(gymnasium.Env[Any, Any]):
         """
         return self._viewer.render(self._battle.last.state)
 
+    def __repr__(self) -> str:
+        return self._battle.description(self)
+
     def close(self) -> None:
         """End the pool and close the window. Calling it again has no effect."""
         self._viewer.close()
         self._battle.close()
-
-
-def stop_unavailable(actions: Any, avail_actions: NDArray[np.bool_]) -> NDArray[Any]:
-    """Replace every unavailable action by a stop, or by a no-op if the agent is dead.
-
-    `actions` are integers [..., n_agents], `avail_actions` [..., n_agents, n_actions]. Actions of another
-    shape or dtype are returned as they are; the pool refuses them with an error that says what is accepted.
-    """
-    given = np.asarray(actions)
-    if given.shape != avail_actions.shape[:-1] or not np.issubdtype(given.dtype, np.integer):
-        return given
-    known = np.clip(given, 0, avail_actions.shape[-1] - 1)
-    available = np.take_along_axis(avail_actions, known[..., None], axis=-1)[..., 0] & (known == given)
-    fallback = np.where(avail_actions[..., STOP], STOP, NO_OP).astype(given.dtype)
-    return np.where(available, given, fallback)
-
-
-def _stops(illegal_actions: IllegalActions) -> bool:
-    if illegal_actions not in ("error", "stop"):
-        raise InvalidRequest(f'illegal_actions must be "error" or "stop", got {illegal_actions!r}')
-    return illegal_actions == "stop"
 
 
 def _one_of(scenario: Scenario | None, map_file: Scenario | None) -> Scenario:
@@ -448,11 +465,6 @@ def _one_of(scenario: Scenario | None, map_file: Scenario | None) -> Scenario:
     if scenario is None:
         raise InvalidRequest("map_file must be the path of a scenario file, got None")
     return scenario
-
-
-def _seed_or_random(seed: int | None) -> int:
-    # From the global generator as in the published environment, so that numpy.random.seed determines it.
-    return int(np.random.randint(2**31 - 1)) if seed is None else seed
 
 
 def _register() -> None:

@@ -37,7 +37,8 @@ from typing import Any
 
 import numpy as np
 
-from .._native import DATASET_ARRAYS, Dataset
+from .._layout import Bounds, layout_bounds
+from .._native import DATASET_ARRAYS, Dataset, scenario
 from ..errors import InvalidRequest
 from ._export import Arrays, description, expanded, run
 from ._extra import extra
@@ -122,8 +123,13 @@ def environment(dataset: Dataset) -> dict[str, Any]:
         name: (np.dtype(dtype), [sizes[axis] for axis in axes.split(", ")[1:]])
         for name, dtype, axes, _ in DATASET_ARRAYS
     }
+    bounds: dict[str, Bounds] = {}
+    if dataset.scenario is not None:
+        info = scenario(dataset.scenario)
+        bounds["obs"] = layout_bounds(info["obs_layout"], sizes["obs_size"])
+        bounds["state"] = layout_bounds(info["state_layout"], sizes["state_size"])
     found: dict[str, Any] = {
-        "observation_space": observation_space(fields),
+        "observation_space": observation_space(fields, bounds),
         "action_space": action_space(sizes["n_agents"], sizes["n_actions"]),
     }
     if dataset.scenario is not None:

@@ -19,19 +19,41 @@ Agents are "agent_0", "agent_1", ...; all of them stay in `agents` until the bat
 zeros, and their only available action is 0 (no-op). With `sides="both"`, "enemy_0", "enemy_1", ... are agents
 too, with the observations, actions and rewards of their side. Single battles are slow; for training, step
 many at once with `smaclite_pool.make` or an integration with vector environments.
+
+For wrappers and learners that know only plain observations, such as those of SuperSuit:
+
+    import supersuit
+    from smaclite_pool.integrations.pettingzoo import parallel_env
+
+    env = parallel_env("3m", action_mask="info", illegal_actions="stop")
+    envs = supersuit.pettingzoo_env_to_vec_env_v1(supersuit.frame_stack_v1(env, 4))
+    envs = supersuit.concat_vec_envs_v1(envs, 8, base_class="gymnasium")
+
+Before its first reset, an environment can be copied and pickled: by its arguments. Without a seed among them
+each copy draws its own.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from os import PathLike
-from typing import Any, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from .._layout import Bounds, field_bounds
 from .._render import RENDER_FPS, RENDER_MODES, BattleViewer
-from ._common import SingleBattle, TimeStep
+from ..errors import InvalidRequest
+from ._common import (
+    CopiedByArguments,
+    IllegalActions,
+    SingleBattle,
+    TimeStep,
+    check_keywords,
+    stop_unavailable,
+    stops,
+)
 from ._extra import extra
 
 with extra("pettingzoo"):
@@ -39,15 +61,16 @@ with extra("pettingzoo"):
     from pettingzoo import AECEnv, ParallelEnv
     from pettingzoo.utils import parallel_to_aec, wrappers
 
-    from ._spaces import AvailableDiscrete, update_masks
+    from ._spaces import AvailableDiscrete, bounded_box, update_masks
 
 __all__ = ["env", "parallel_env", "raw_env"]
 
-Observation: TypeAlias = dict[str, NDArray[Any]]
+Observation: TypeAlias = "dict[str, NDArray[Any]] | NDArray[Any]"
 Scenario: TypeAlias = "str | PathLike[str]"
 
 
-class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as PettingZoo names its environments
+# Named as PettingZoo names its environments.
+class parallel_env(CopiedByArguments, ParallelEnv[str, Observation, np.int64]):
     """One battle with PettingZoo's parallel interface.
 
     Each agent observes `{"observation": float32 [obs_size], "action_mask": int8 [n_actions]}`, copies that
@@ -60,6 +83,10 @@ class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as Petting
             (needs pygame and a display).
         render_speed: of the window: 1 for the speed of the battle, two steps per second; 0.25 for slow
             motion; None for no waiting.
+        action_mask: where the mask is: in the "observation", or in the "info" of the agent, as `action_mask`;
+            an observation is then the plain float32 [obs_size].
+        illegal_actions: "error": an unavailable action raises IllegalAction. "stop": agents given an
+            unavailable action stop instead; for learners that ignore action masks.
         own_rewards: whether each agent gets its share in the reward of its team, `reward_agents`, instead of
             the whole.
         settings: `seed`, `episode_limit`, `rules` and other arguments of `smaclite_pool.make`.
@@ -75,9 +102,15 @@ class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as Petting
         *,
         render_mode: str | None = None,
         render_speed: float | None = 1.0,
+        action_mask: Literal["observation", "info"] = "observation",
+        illegal_actions: IllegalActions = "error",
         own_rewards: bool = False,
         **settings: Any,
     ) -> None:
+        check_keywords(type(self), settings)
+        if action_mask not in ("observation", "info"):
+            raise InvalidRequest(f'action_mask must be "observation" or "info", got {action_mask!r}')
+        self._is_plain, self._stops = action_mask == "info", stops(illegal_actions)
         self.render_mode = render_mode
         self._viewer = BattleViewer(scenario, *self.picture_size, render_mode, render_speed)
         self._battle = SingleBattle(scenario, settings, both_sides=True, shares=own_rewards)
@@ -90,12 +123,13 @@ class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as Petting
         }
         self.possible_agents = self._battle.agents
         self.agents: list[str] = []
-        sizes = self._battle.sizes
-        self.observation_spaces = {agent: _observation_space(*size) for agent, size in sizes.items()}
+        sizes, bounds = self._battle.sizes, self._battle.obs_bounds
+        space = _observation_box if self._is_plain else _observation_space
+        self.observation_spaces = {agent: space(bounds[agent], n) for agent, (_, n) in sizes.items()}
         self.action_spaces = {agent: AvailableDiscrete(n) for agent, (_, n) in sizes.items()}
-        self.state_space = Box(-1.0, 1.0, (envs.state_size,), np.float32)
+        self.state_space = bounded_box(field_bounds(envs)["state"], (envs.state_size,))
 
-    def observation_space(self, agent: str) -> Dict:
+    def observation_space(self, agent: str) -> Dict | Box:
         """The observation space of an agent; the same object every time."""
         return self.observation_spaces[agent]
 
@@ -106,8 +140,12 @@ class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as Petting
     def reset(
         self, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
-        """Begin a new battle. Without a seed the random generator continues. `options` are ignored."""
-        now = self._battle.reset(seed)
+        """Begin a new battle. Without a seed the random generator continues.
+
+        With `options["snapshot"]` the battle continues from a snapshot, as by `restore`, and wrappers begin
+        to count anew. Other options are ignored.
+        """
+        now = self._battle.reset(seed, options)
         self.agents = self.possible_agents[:]
         self._viewer.observe(now.state)
         return self._observe(now), self._infos(now)
@@ -122,6 +160,8 @@ class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as Petting
         Raises IllegalAction for an unavailable action, and InvalidRequest if an agent is missing or the
         battle has ended; nothing is stepped then.
         """
+        if self._stops and self._battle.has_begun:
+            actions = self._stopped(actions)
         now = self._battle.step_by_name(actions)
         self._viewer.observe(now.state)
         observations, infos = self._observe(now), self._infos(now)
@@ -132,15 +172,26 @@ class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as Petting
             self.agents = []
         return observations, rewards, terminations, truncations, infos
 
+    def _stopped(self, actions: Mapping[str, int | np.integer[Any]]) -> dict[str, Any]:
+        masks = dict(zip(self.possible_agents, self._battle.last.masks, strict=True))
+        known = {agent: action for agent, action in actions.items() if agent in masks}
+        return {agent: stop_unavailable(action, masks[agent]) for agent, action in known.items()}
+
     def _observe(self, now: TimeStep) -> dict[str, Observation]:
         update_masks(self.action_spaces, now.masks)
+        if self._is_plain:
+            return dict(zip(self.possible_agents, map(np.copy, now.rows), strict=True))
         return {
             agent: {"observation": obs, "action_mask": mask.astype(np.int8)}
             for agent, obs, mask in zip(self.possible_agents, now.rows, now.masks, strict=True)
         }
 
     def _infos(self, now: TimeStep) -> dict[str, dict[str, Any]]:
-        return {agent: now.info.copy() for agent in self.agents}
+        infos: dict[str, dict[str, Any]] = {agent: now.info.copy() for agent in self.agents}
+        if self._is_plain and self.agents:
+            for info, mask in zip(infos.values(), now.masks, strict=True):
+                info["action_mask"] = mask.astype(np.int8)
+        return infos
 
     def save(self) -> NDArray[np.uint8]:
         """The battle as it is now, uint8 [snapshot_size], for `restore`.
@@ -155,7 +206,8 @@ class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as Petting
         """Continue from a snapshot, and return observations and infos as after a reset.
 
         Without a seed the battle goes on as it would have gone on; with one it has other execution orders.
-        Raises InvalidRequest before the first reset, and for a snapshot of another scenario or rule set.
+        Wrappers do not know of it; `reset(options={"snapshot": snapshot})` does the same, and they do. Raises
+        InvalidRequest for a snapshot of another scenario or rule set.
         """
         now = self._battle.restore(snapshot, seed)
         self.agents = [] if now.ended else self.possible_agents[:]
@@ -177,6 +229,9 @@ class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as Petting
         """
         return self._viewer.render(self._battle.last.state)
 
+    def __repr__(self) -> str:
+        return self._battle.description(self)
+
     def close(self) -> None:
         """End the pool. Calling it again has no effect."""
         self.agents = []
@@ -184,9 +239,13 @@ class parallel_env(ParallelEnv[str, Observation, np.int64]):  # named as Petting
         self._battle.close()
 
 
-def _observation_space(obs_size: int, n_actions: int) -> Dict:
-    observation = Box(-1.0, 1.0, (obs_size,), np.float32)
+def _observation_space(bounds: Bounds, n_actions: int) -> Dict:
+    observation = _observation_box(bounds, n_actions)
     return Dict(observation=observation, action_mask=Box(0, 1, (n_actions,), np.int8))
+
+
+def _observation_box(bounds: Bounds, n_actions: int) -> Box:
+    return bounded_box(bounds, bounds[0].shape)
 
 
 def raw_env(scenario: Scenario = "2s3z", **settings: Any) -> AECEnv[str, Observation, np.int64]:

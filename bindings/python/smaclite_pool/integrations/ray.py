@@ -40,6 +40,7 @@ array of 450 KB takes milliseconds through Ray, and microseconds in place.
 
 from __future__ import annotations
 
+import secrets
 import subprocess
 import sys
 import threading
@@ -260,7 +261,7 @@ def start(
     *,
     lanes: int = 1,
     threads: int | None = None,
-    seed: int = 0,
+    seed: int | None = None,
     name: str = "smaclite",
     nodes: Sequence[str] | None = None,
     serve: Sequence[str] = (),
@@ -273,16 +274,18 @@ def start(
         num_envs: number of environments per lane.
         lanes: number of lanes per pool; each lane is for one rollout actor.
         threads: worker threads per pool; by default one less than the cores of its node.
-        seed: seed of the first environment; all environments of the fleet get different seeds.
+        seed: seed of the first environment; all environments of the fleet get different seeds. None for a
+            random one.
         name: name of the fleet, at most 23 letters, digits, `-`, `_` or `.`.
         nodes: Ray ids of the nodes; None for all living nodes.
-        serve: further arguments of `smaclite-pool serve`, such as `("--autoreset", "same_step")`.
+        serve: further arguments of `smaclite-pool serve`, such as `("--autoreset-mode", "SameStep")`.
         timeout: seconds to wait for the pools.
 
     A second call with the same name starts pools on nodes that have joined since, and leaves the others
     running. Raises StartError with the output of the program; the whole fleet is stopped then.
     """
-    arguments = [f"lane-{lane}={scenario}:{num_envs}" for lane in range(lanes)] + [f"--seed={seed}", *serve]
+    arguments = [f"lane-{lane}={scenario}:{num_envs}" for lane in range(lanes)] + [*serve]
+    seed = secrets.randbits(32) if seed is None else seed
     if threads is not None:
         arguments.append(f"--threads={threads}")
     nodes = list(nodes or sorted(node["NodeID"] for node in ray.nodes() if node["Alive"]))
@@ -294,8 +297,9 @@ def start(
     for node in nodes:
         rank = 0 if node in running else next(ranks)
         seeds = {f"lane-{lane}": seed + (rank * lanes + lane) * num_envs for lane in range(lanes)}
+        own = [*arguments, f"--seed={seeds['lane-0']}"]  # `serve` numbers environments through its lanes
         options = {"name": actor_name(name, node), "get_if_exists": True, "scheduling_strategy": on(node)}
-        fleet.supervisors[node] = actor_class.options(**options).remote(name, arguments, seeds)
+        fleet.supervisors[node] = actor_class.options(**options).remote(name, own, seeds)
     try:
         fleet.running(timeout)
     except BaseException:

@@ -43,6 +43,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .._layout import Bounds
 from .._render import RENDER_FPS, RENDER_MODES, BattleViewer
 from ._common import SingleBattle, TimeStep
 from ._extra import extra
@@ -51,7 +52,7 @@ with extra("rllib"):
     from gymnasium.spaces import Box, Dict
     from ray.rllib.env.multi_agent_env import MultiAgentEnv
 
-    from ._spaces import AvailableDiscrete, update_masks
+    from ._spaces import AvailableDiscrete, bounded_box, update_masks
 
 __all__ = ["BattleMultiAgentEnv", "log_team"]
 
@@ -72,7 +73,7 @@ class BattleMultiAgentEnv(MultiAgentEnv):
             window shows every step, which needs pygame and a display; or None), `render_speed` of that window
             (1 for the speed of the battle, 0.25 for slow motion, None for no waiting), and `seed`,
             `episode_limit` and other arguments of `smaclite_pool.make`. Each battle of each env runner gets a
-            different seed.
+            different seed, without one a random seed.
 
     Raises InvalidRequest, ScenarioError and StartError.
     """
@@ -80,9 +81,10 @@ class BattleMultiAgentEnv(MultiAgentEnv):
     picture_size = (640, 640)
 
     def __init__(self, config: Mapping[str, Any] | None = None) -> None:
-        settings = {"scenario": "2s3z", "seed": 0, **(config or {})}
-        runner, battle = getattr(config, "worker_index", 0), getattr(config, "vector_index", 0)
-        settings["seed"] += SEEDS_PER_RUNNER * runner + battle
+        settings = {"scenario": "2s3z", **(config or {})}
+        if settings.get("seed") is not None:
+            runner, battle = getattr(config, "worker_index", 0), getattr(config, "vector_index", 0)
+            settings["seed"] += SEEDS_PER_RUNNER * runner + battle
         self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": RENDER_FPS}  # RLlib adds to it
         scenario = settings.pop("scenario")
         self.render_mode: str | None = settings.pop("render_mode", "rgb_array")
@@ -92,7 +94,10 @@ class BattleMultiAgentEnv(MultiAgentEnv):
         agents, sizes = self._battle.agents, self._battle.sizes
         self._available_actions = {agent: AvailableDiscrete(n) for agent, (_, n) in sizes.items()}
         self.possible_agents, self.agents = list(agents), list(agents)
-        self.observation_spaces = {agent: _observation_space(*size) for agent, size in sizes.items()}
+        bounds = self._battle.obs_bounds
+        self.observation_spaces = {
+            agent: _observation_space(bounds[agent], n_actions) for agent, (_, n_actions) in sizes.items()
+        }
         self.action_spaces = {agent: self._available_actions[agent] for agent in agents}
         super().__init__()
 
@@ -144,8 +149,8 @@ class BattleMultiAgentEnv(MultiAgentEnv):
         self._battle.close()
 
 
-def _observation_space(obs_size: int, n_actions: int) -> Dict:
-    observations = Box(-1.0, 1.0, (obs_size,), np.float32)
+def _observation_space(bounds: Bounds, n_actions: int) -> Dict:
+    observations = bounded_box(bounds, bounds[0].shape)
     return Dict(action_mask=Box(0.0, 1.0, (n_actions,), np.float32), observations=observations)
 
 

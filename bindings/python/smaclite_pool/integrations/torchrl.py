@@ -28,11 +28,12 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .._layout import Bounds, field_bounds
 from .._native import Batch, Envs, Renderer, make
 from .._render import LaneViewer, check_render_mode, check_render_speed
 from .._requirements import require_synchronous
 from ..errors import InvalidRequest
-from ._common import INFO_FIELDS
+from ._common import INFO_FIELDS, check_keywords
 from ._extra import extra
 
 with extra("torchrl"):
@@ -88,7 +89,8 @@ class PoolEnv(EnvBase):
 
     Args:
         scenario: a standard scenario or the path of a scenario file, for a pool within this process; or
-            environments of `smaclite_pool.connect`, which must be synchronous and have autoreset "disabled".
+            environments of `smaclite_pool.connect`, which must be synchronous and have autoreset_mode
+            "Disabled".
         num_envs: number of environments of a pool within this process.
         device: the device of all tensors.
         render_mode: None; "rgb_array": `render()` returns pictures; "human": a window shows every step of all
@@ -114,13 +116,14 @@ class PoolEnv(EnvBase):
         renderer: Renderer | None = None,
         **settings: Any,
     ) -> None:
+        check_keywords(type(self), settings)
         check_render_mode(render_mode)
         check_render_speed(render_speed)
         if isinstance(scenario, Envs):
             self._check(scenario, settings)
             envs = scenario
         else:
-            envs = make(scenario, num_envs, autoreset="disabled", **settings)
+            envs = make(scenario, num_envs, autoreset_mode="Disabled", **settings)
         super().__init__(device=torch.device(device), batch_size=torch.Size([envs.num_envs]))
         self.envs = envs
         self.render_mode = render_mode
@@ -136,14 +139,15 @@ class PoolEnv(EnvBase):
     def _check(envs: Envs, settings: dict[str, Any]) -> None:
         if settings:
             raise InvalidRequest(f"a running pool has its own settings; remove {', '.join(settings)}")
-        require_synchronous(envs, "TorchRL", "disabled")
+        require_synchronous(envs, "TorchRL", "Disabled")
 
     def _make_specs(self) -> None:
         count, device, envs = self.batch_size, self.device, self.envs
         info = {name: self._scalar(self._dtype(name), count) for name in INFO_FIELDS}
+        bounds = field_bounds(envs)
         sizes = {
-            "agents": (envs.n_agents, envs.obs_size, envs.n_actions),
-            "enemies": (envs.n_enemies, envs.enemy_obs_size, envs.n_enemy_actions),
+            "agents": (envs.n_agents, bounds["obs"], envs.n_actions),
+            "enemies": (envs.n_enemies, bounds["enemy_obs"], envs.n_enemy_actions),
         }
         groups = {group: self._group_specs(*sizes[group]) for group in self.group_map}
         self._available = {group: actions["action"].mask for group, (_, actions) in groups.items()}
@@ -166,11 +170,13 @@ class PoolEnv(EnvBase):
         ends = {name: self._scalar(torch.bool, column) for name in ("done", "terminated", "truncated")}
         self.full_done_spec = Composite(ends, shape=count, device=device)
 
-    def _group_specs(self, n_units: int, obs_size: int, n_actions: int) -> tuple[Composite, Composite]:
+    def _group_specs(self, n_units: int, bounds: Bounds, n_actions: int) -> tuple[Composite, Composite]:
         """What the units of a group observe, and their actions."""
         team, device = torch.Size([*self.batch_size, n_units]), self.device
-        shape = torch.Size([*team, obs_size])
-        observation = Bounded(-1.0, 1.0, shape, device=device, dtype=torch.float32)
+        low, high = (torch.from_numpy(bound).to(device) for bound in bounds)
+        shape = torch.Size([*team, *low.shape])
+        low, high = low.expand(shape).clone(), high.expand(shape).clone()
+        observation = Bounded(low, high, shape, device=device, dtype=torch.float32)
         mask = Binary(shape=torch.Size([*team, n_actions]), device=device, dtype=torch.bool)
         action = AvailableActions(n_actions, team, device, torch.int64, mask.one())
         observed = Composite(observation=observation, action_mask=mask, shape=team, device=device)

@@ -18,13 +18,13 @@ Observations are copied from shared memory into the tensors of the batch.
 Keys of `env_args` are those of `config/envs/smaclite.yaml` and a few more:
 
 - `map_name`: a standard scenario or the path of a scenario file.
-- `seed`: environment i is seeded with seed + i.
+- `seed`: environment i is seeded with seed + i; without one, with a random seed.
 - `time_limit` or `episode_limit`: steps of an episode; by default the limit of the scenario.
 - `continuing_episode`: an episode that reaches its limit is not stored as terminated (an option of SMAC),
   default False.
 - `state_last_action`: the state contains the last actions, default True.
 - `pool`, `lane`: attach to a running pool instead of starting one. Start it with
-  `smaclite-pool serve MMM2:10 --batch-size 1 --autoreset disabled --name train`.
+  `smaclite-pool serve MMM2:10 --batch-size 1 --autoreset-mode Disabled --name train`.
 - `threads`: worker threads of a pool that this runner starts.
 - `reward_sparse`, `reward_win` and SMAC's other reward options: what agents are rewarded for; a running pool
   has its own.
@@ -301,21 +301,22 @@ def _attached(settings: Mapping[str, Any], num_envs: int) -> Envs:
             settings["map_name"],
             num_envs,
             batch_size=1,
-            seed=settings.get("seed") or 0,
+            seed=settings.get("seed"),
             threads=settings.get("threads"),
-            autoreset="disabled",
+            autoreset_mode="Disabled",
             episode_limit=limit,
             rewards=changed_rewards(settings),
         )
     if changed := changed_rewards(settings):
         raise InvalidRequest(f"a running pool has its own rewards; remove {', '.join(changed)} from env_args")
     envs = connect(settings["pool"], settings.get("lane"), timeout=10)
-    served = (envs.num_envs, envs.batch_size, envs.autoreset)
-    if served != (num_envs, 1, "disabled"):
+    served = (envs.num_envs, envs.batch_size, envs.autoreset_mode)
+    if served != (num_envs, 1, "Disabled"):
         pool, scenario = envs.name, envs.scenario
         envs.close()
         raise InvalidRequest(
-            f"num_envs, batch_size and autoreset of pool `{pool}` are {served}; this runner needs "
-            f"`smaclite-pool serve {scenario}:{num_envs} --batch-size 1 --autoreset disabled --name {pool}`"
+            f"num_envs, batch_size and autoreset_mode of pool `{pool}` are {served}; this runner needs "
+            f"`smaclite-pool serve {scenario}:{num_envs} --batch-size 1 --autoreset-mode Disabled "
+            f"--name {pool}`"
         )
     return envs

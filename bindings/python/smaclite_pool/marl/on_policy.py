@@ -83,7 +83,7 @@ class ShareVecEnv:
     Args:
         scenario: a standard scenario or the path of a scenario file.
         num_envs: number of environments (B).
-        seed: environment i is seeded with seed + i.
+        seed: environment i is seeded with seed + i; None for a random seed.
         threads, episode_limit, rules, opponent, rewards, max_held_batches, record: as in
             `smaclite_pool.make`.
 
@@ -97,10 +97,10 @@ class ShareVecEnv:
         scenario: str | PathLike[str],
         num_envs: int,
         *,
-        seed: int = 0,
+        seed: int | None = None,
         threads: int | None = None,
         episode_limit: int | Literal["default"] | None = "default",
-        rules: Literal["smaclite", "paper"] = "smaclite",
+        rules: Literal["smaclite", "paper", "starcraft", "starcraft-1"] = "smaclite",
         opponent: str | Mapping[str, float] = "attack_move",
         rewards: dict[str, Any] | None = None,
         max_held_batches: int = 4,
@@ -112,7 +112,7 @@ class ShareVecEnv:
                 num_envs,
                 seed=seed,
                 threads=threads,
-                autoreset="same_step",
+                autoreset_mode="SameStep",
                 episode_limit=episode_limit,
                 rules=rules,
                 opponent=opponent,
@@ -126,12 +126,12 @@ class ShareVecEnv:
     def connect(cls, pool: str, lane: str | None = None, *, timeout: float = 0.0) -> ShareVecEnv:
         """Attach to a running pool instead of starting one, as `smaclite_pool.connect` does.
 
-        Start the pool with `smaclite-pool serve 2s3z:8 --autoreset same_step --name train`. Raises
+        Start the pool with `smaclite-pool serve 2s3z:8 --autoreset-mode SameStep --name train`. Raises
         ConnectError, and InvalidRequest for a pool with other settings.
         """
         envs = connect(pool, lane, timeout=timeout)
         try:
-            require_synchronous(envs, f"the learner of pool `{pool}`", "same_step")
+            require_synchronous(envs, f"the learner of pool `{pool}`", "SameStep")
         except InvalidRequest:
             envs.close()
             raise

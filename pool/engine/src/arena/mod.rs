@@ -10,18 +10,20 @@ mod lineup;
 mod moves;
 mod partition;
 mod unit_stats;
+mod ways;
 
 use std::sync::Arc;
 
 use glam::{DVec2, Vec2};
-use smaclite_scenarios::{Drawer, Faction, Rewards, Scenario, Terrain};
-use smaclite_units::UnitType;
+use smaclite_scenarios::{Destination, Drawer, Faction, Rewards, Scenario, Terrain};
+use smaclite_units::{Plane, UnitType};
 
 pub(crate) use cells::{EdgeBlock, EdgeSearch, EdgesByCell};
 pub(crate) use edges::Edge;
 pub(crate) use unit_stats::{Approach, AvoidanceParams, Matchup, Regeneration, UnitStats};
 
 use crate::command::action;
+use crate::extent::Extent;
 use crate::fnv::Fnv1a;
 use crate::opponents::{Opponent, Opponents};
 use crate::rules::Rules;
@@ -29,6 +31,7 @@ use crate::sides::Sides;
 use crate::sizes::{EnemySizes, Sizes};
 use crate::smacv2::Interface;
 use moves::Moves;
+use ways::Ways;
 
 /// Everything about a scenario that no step changes, under one rule set; shared by `Arc` between battles.
 ///
@@ -43,11 +46,17 @@ pub struct Arena {
     pub(crate) agents: Vec<u32>,
     /// Battle-wide ids of the enemies, by in-faction id.
     pub(crate) enemies: Vec<u32>,
+    /// Whether the agents' units come first in the file, so that the id of a unit is its place.
+    pub(crate) ids_are_places: bool,
     pub(crate) starts: Vec<Vec2>,
+    pub(crate) extent: Extent,
     pub(crate) attack_point: [f64; 2],
+    pub(crate) march_to: Option<Destination>,
     pub(crate) features: Features,
     pub(crate) edges: Arc<EdgesByCell>,
     moves: Arc<Moves>,
+    /// Of units on the ground under rules `starcraft`, on a map where not all ways are straight.
+    ways: Option<Arc<Ways>>,
     /// All types that units can have.
     types: Arc<[UnitType]>,
     /// What each type can do to each other, in rows by the attacker's type.
@@ -105,22 +114,29 @@ pub(crate) struct Features {
 impl Arena {
     /// Prepares a scenario. The episode limit is the scenario's.
     pub fn new(scenario: &Scenario, rules: Rules) -> Arena {
+        let scenario_hash = scenario_hash(scenario, rules);
+        let scenario = &*rules.figures(scenario);
         let (units, types) = (&scenario.units, &scenario.unit_types);
         let matchups =
             types.iter().flat_map(|attacker| types.iter().map(move |victim| Matchup::new(attacker, victim)));
         let interface = scenario.smacv2.as_ref();
         let interface = interface.map(|options| Arc::new(Interface::new(scenario, options)));
+        let (agents, enemies) = (ids_of(scenario, Faction::Ally), ids_of(scenario, Faction::Enemy));
         let mut arena = Arena {
             rules,
             terrain: Arc::new(scenario.terrain.clone()),
-            agents: ids_of(scenario, Faction::Ally),
-            enemies: ids_of(scenario, Faction::Enemy),
+            ids_are_places: agents.iter().chain(&enemies).copied().eq(0..units.len() as u32),
+            agents,
+            enemies,
+            extent: Extent::of(&scenario.terrain),
             // Battles compute positions in f32 from the start on.
             starts: units.iter().map(|unit| Vec2::from(unit.position.map(|x| x as f32))).collect(),
             attack_point: scenario.attack_point,
+            march_to: scenario.march_to.filter(|_| rules == Rules::Starcraft),
             features: Features::new(scenario),
             edges: Arc::new(edges_in_sight(&scenario.terrain, types)),
             moves: Arc::new(Moves::new(&scenario.terrain)),
+            ways: ways(scenario, rules),
             matchups: matchups.collect(),
             types: types.as_slice().into(),
             drawer: Drawer::new(scenario).map(Arc::new),
@@ -143,8 +159,11 @@ impl Arena {
             sides: Sides::default(),
             episode_limit: scenario.episode_limit,
             opponents: Opponents::default(),
-            scenario_hash: scenario_hash(scenario, rules),
+            scenario_hash,
         };
+        if rules == Rules::Starcraft {
+            arena.sizes.n_phases = units.len();
+        }
         arena.set_types(units.iter().map(|unit| unit.unit_type as u32));
         arena
     }
@@ -255,6 +274,12 @@ impl Arena {
         }
     }
 
+    /// The battle-wide ids of all units by their places: agents and then enemies, by their numbers in their
+    /// factions.
+    pub(crate) fn ids_by_place(&self) -> impl Iterator<Item = u32> + Clone {
+        self.agents.iter().chain(&self.enemies).copied()
+    }
+
     /// The first target action of the units of a side.
     pub fn first_target(&self, side: Faction) -> usize {
         match (&self.interface, side) {
@@ -329,6 +354,14 @@ impl Arena {
         self.moves.from(&self.terrain, position)
     }
 
+    /// Where a unit at a position walks straight to on its way to a goal: a corner, or the goal.
+    pub(crate) fn next_point(&self, id: u32, from: Vec2, goal: Vec2) -> Vec2 {
+        match &self.ways {
+            Some(ways) if self.stats(id).plane == Plane::Ground => ways.next(from, goal),
+            _ => goal,
+        }
+    }
+
     /// Whether the attacker can attack the plane of the victim; of healers: whether it can heal it.
     pub(crate) fn can_attack(&self, attacker: u32, victim: u32) -> bool {
         self.matchup(attacker, victim).can_attack
@@ -395,6 +428,10 @@ fn edges_in_sight(terrain: &Terrain, types: &[UnitType]) -> EdgesByCell {
     EdgesByCell::new(terrain, f64::from(ranges_squared.fold(0.0, f32::max)).sqrt())
 }
 
+fn ways(scenario: &Scenario, rules: Rules) -> Option<Arc<Ways>> {
+    (rules == Rules::Starcraft).then(|| Ways::new(&scenario.terrain)).flatten().map(Arc::new)
+}
+
 fn ids_of(scenario: &Scenario, faction: Faction) -> Vec<u32> {
     let units = scenario.units.iter().zip(0u32..);
     // Agent i is the ally with in-faction id i, in whatever order the scenario lists its units.
@@ -406,7 +443,8 @@ fn ids_of(scenario: &Scenario, faction: Faction) -> Vec<u32> {
     ids.into_iter().map(|(_, id)| id).collect()
 }
 
-/// Hashes the text of everything that the scenario consists of: numbers are written so that no two are equal.
+/// Hashes the text of everything that the scenario consists of, and the rule set: numbers are written so that
+/// no two are equal.
 fn scenario_hash(scenario: &Scenario, rules: Rules) -> u64 {
     let mut hash = Fnv1a::default();
     hash.write(format!("{scenario:?} {rules}").as_bytes());
@@ -430,6 +468,7 @@ fn sizes(scenario: &Scenario, own: Faction) -> Sizes {
         obs_size: 4 + n_enemies * (4 + enemy) + n_agents.saturating_sub(1) * (4 + ally) + ally,
         state_size: n_agents * (3 + ally + n_actions) + n_enemies * (2 + enemy),
         perception_size: 0,
+        n_phases: 0,
         enemies: None,
     }
 }

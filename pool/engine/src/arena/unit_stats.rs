@@ -1,10 +1,11 @@
 //! The stats of unit types as a tick needs them, computed once per scenario.
 
-use smaclite_units::{Plane, Targeter, UnitType};
+use glam::Vec2;
+use smaclite_units::{Conduct, Plane, Targeter, UnitType};
 
-use crate::TICKS_PER_SECOND;
 use crate::block_index::search_bound;
 use crate::distance::square_within;
+use crate::{TICK, TICKS_PER_SECOND};
 
 /// The stats of a unit type, and values derived from them that a tick reads.
 ///
@@ -19,8 +20,14 @@ pub(crate) struct UnitStats {
     pub armor: f64,
     pub attacks: u32,
     pub cooldown: f64,
+    /// With the greatest random delay; observations are divided by it.
+    pub greatest_cooldown: f64,
     pub speed: f64,
+    pub attack_range: f64,
     pub radius: f64,
+    pub conduct: Conduct,
+    /// Cosine and sine of the angle by which the unit turns in a tick.
+    pub turn: Vec2,
     pub plane: Plane,
     pub is_healer: bool,
     pub targeter: Targeter,
@@ -54,8 +61,12 @@ impl UnitStats {
             armor: unit_type.armor,
             attacks: unit_type.attacks,
             cooldown: unit_type.cooldown,
+            greatest_cooldown: unit_type.greatest_cooldown(),
             speed: unit_type.speed,
+            attack_range: unit_type.attack_range,
             radius,
+            conduct: unit_type.conduct,
+            turn: turn_per_tick(unit_type.conduct.turn_rate),
             plane: unit_type.plane,
             is_healer: unit_type.is_healer(),
             targeter: unit_type.targeter,
@@ -71,6 +82,14 @@ impl UnitStats {
     pub fn attacks_an_area(&self) -> bool {
         matches!(self.targeter, Targeter::Kamikaze { .. } | Targeter::LaserBeam { .. })
     }
+}
+
+fn turn_per_tick(degrees_per_second: f64) -> Vec2 {
+    let angle = (degrees_per_second * TICK).to_radians();
+    if angle == 0.0 || angle >= std::f64::consts::PI {
+        return Vec2::NEG_X;
+    }
+    Vec2::new(libm::cos(angle) as f32, libm::sin(angle) as f32)
 }
 
 /// The stats that phases 1 and 2 read of every unit in every tick: few enough that all of them stay in the
@@ -143,8 +162,9 @@ impl Matchup {
 
 impl AvoidanceParams {
     pub(super) fn new(unit_type: &UnitType, largest_radius: f64) -> AvoidanceParams {
-        let (radius, max_speed) = (unit_type.radius() as f32, unit_type.speed as f32);
-        let neighbour_range = (largest_radius + unit_type.radius()) as f32;
+        let radius = unit_type.conduct.separation_radius.unwrap_or(unit_type.radius());
+        let neighbour_range = (largest_radius + radius) as f32;
+        let (radius, max_speed) = (radius as f32, unit_type.speed as f32);
         // Units are neighbours only if they would touch, should the other have the largest radius. Edges
         // matter if the unit could reach them within the time horizon of 1 s.
         let edge_range = max_speed + radius;

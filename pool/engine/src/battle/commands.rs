@@ -1,6 +1,7 @@
 //! The commands of all units for a step: those of joint actions, of scripts, and of scripted policies.
 
-use smaclite_scenarios::Faction;
+use glam::DVec2;
+use smaclite_scenarios::{Destination, Faction};
 
 use super::Battle;
 use crate::SIGHT_RANGE;
@@ -9,7 +10,9 @@ use crate::command::{Command, action};
 use crate::distance::{distance_squared, square_within};
 use crate::opponents::Opponent;
 use crate::policy::{EnemySituation, Tactic};
+use crate::rules::Rules;
 use crate::scratch::{EnemyScratch, Scratch};
+use crate::tick::starcraft;
 
 impl Battle {
     /// Sets the commands of all units for the whole step: the destination of a move is fixed here, once.
@@ -20,8 +23,18 @@ impl Battle {
         } else {
             self.play_actions(Faction::Ally, false, scratch);
         }
+        let marches = matches!(self.opponent, Opponent::AttackMove | Opponent::AttackNearest);
+        if self.arena.rules == Rules::Starcraft && marches && self.episode_length == 0 {
+            self.begin_march();
+        }
         let arena = &*self.arena;
         match self.opponent {
+            Opponent::AttackMove if arena.march_to == Some(Destination::Agents) => {
+                self.march(scratch, |id| self.nearest_agent(id));
+            }
+            Opponent::AttackMove if arena.rules == Rules::Starcraft => {
+                self.march(scratch, |id| self.units.phases[id as usize].goal.as_dvec2().into());
+            }
             Opponent::AttackMove => self.march(scratch, |_| arena.attack_point),
             Opponent::AttackNearest => self.march(scratch, |id| self.nearest_agent(id)),
             Opponent::Scripted(tactic) => self.play_tactic(tactic, scratch),
@@ -53,6 +66,28 @@ impl Battle {
                 let action = self.last_actions[agent].map_or(action::NO_OP, |action| action as usize);
                 scratch.tick.command(id, perceiver.command(interface, arena, agent, action, generator));
             }
+        }
+    }
+
+    /// Sets where the enemies march to, in the formation in which they begin: as far from the attack point as
+    /// they are from the middle of all enemies; and when each of them first looks for targets.
+    fn begin_march(&mut self) {
+        let arena = &*self.arena;
+        let starts = || arena.enemies.iter().map(|&id| self.units.pos[id as usize].as_dvec2());
+        let middle = starts().sum::<DVec2>() / arena.enemies.len() as f64;
+        let point = match arena.march_to {
+            Some(Destination::Line(ends)) => {
+                let [from, to] = ends.map(DVec2::from);
+                from.lerp(to, self.generator.next_share())
+            }
+            _ => DVec2::from(arena.attack_point),
+        };
+        let to_point = point - middle;
+        for &id in &arena.enemies {
+            let goal = (self.units.pos[id as usize].as_dvec2() + to_point).as_vec2();
+            let phase = &mut self.units.phases[id as usize];
+            phase.goal = arena.extent.nearest(goal);
+            phase.look = starcraft::first_look(&mut self.generator);
         }
     }
 

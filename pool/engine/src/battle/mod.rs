@@ -19,9 +19,11 @@ use crate::level::{self, LevelError};
 use crate::neighbour_order::NeighbourOrder;
 use crate::opponents::Opponent;
 use crate::random::{Generator, StreamPosition};
+use crate::rewards::End;
+use crate::rules::Rules;
 use crate::scratch::Scratch;
 use crate::sides::Actor;
-use crate::smacv2::{End, Outcome};
+use crate::smacv2::Outcome;
 use crate::snapshot::{Snapshot, SnapshotError};
 use crate::step::{ExecutionOrder, Step, Tick};
 use crate::tick::{self, Earned, TickScratch, World};
@@ -317,7 +319,9 @@ impl Battle {
         let mut earned = Earned::default();
         for tick in 0..TICKS_PER_STEP {
             self.kill_below_levels(tick, scratch);
-            self.set_execution_order(order, tick, scratch);
+            if self.arena.rules != Rules::Starcraft {
+                self.set_execution_order(order, tick, scratch);
+            }
             let world = &mut World {
                 arena: &self.arena,
                 units: &mut self.units,
@@ -326,7 +330,10 @@ impl Battle {
                 scratch: &mut scratch.tick,
             };
             // Summed over ticks before it is scaled: scaling each would round differently.
-            let earned_now = tick::run(world);
+            let earned_now = match self.arena.rules {
+                Rules::Starcraft => tick::starcraft::run(world, &mut self.generator),
+                _ => tick::run(world),
+            };
             earned.allies += earned_now.allies;
             earned.enemies += earned_now.enemies;
             observe(Tick {
@@ -507,7 +514,13 @@ impl Battle {
         self.clear_shares();
         level::describe(&self.arena, &self.units, &mut self.level);
         if let (Some(perceiver), Some(interface)) = (&mut self.perceiver, self.arena.interface()) {
-            perceiver.load(interface, &self.arena, &self.units, &snapshot.perception);
+            perceiver.load(
+                interface,
+                &self.arena,
+                &self.units,
+                &snapshot.perception,
+                snapshot.episode_length,
+            );
         }
         self.refresh_derived();
     }

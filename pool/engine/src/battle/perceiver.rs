@@ -157,8 +157,9 @@ impl Perceiver {
         head.into_iter().chain(numbers).chain(seers).chain(commands).chain(flags)
     }
 
-    /// Takes over the words of a snapshot that was [checked](Interface::invalid_word), and the units.
-    pub fn load(&mut self, interface: &Interface, arena: &Arena, units: &Units, words: &[u64]) {
+    /// Takes over the words of a snapshot that was [checked](Interface::check_words), and the units. The
+    /// step is the episode's: the length of an edited snapshot may be another than its words have.
+    pub fn load(&mut self, interface: &Interface, arena: &Arena, units: &Units, words: &[u64], steps: u32) {
         self.look(interface, arena, units);
         let sizes = interface.word_counts();
         let p = &mut self.perception;
@@ -170,7 +171,7 @@ impl Perceiver {
         };
         let head = take(2);
         p.max_reward = f64::from_bits(head[0]);
-        p.steps = head[1] as u32;
+        p.steps = steps;
         p.has_ended = head[1] >> 32 != 0;
         refill(&mut p.attack, take(sizes.attack).iter().map(|word| f64::from_bits(*word)));
         refill(&mut p.health, take(sizes.health).iter().map(|word| f64::from_bits(*word)));

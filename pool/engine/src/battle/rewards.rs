@@ -5,9 +5,8 @@ use smaclite_scenarios::Faction;
 use super::Battle;
 use crate::KILL_REWARD;
 use crate::buffers::refill;
-use crate::rewards::{Points, divide, scaled};
+use crate::rewards::{End, Points, divide, scaled};
 use crate::sides::{EnemySide, Sides};
-use crate::smacv2::End;
 use crate::tick::{Earned, TickScratch};
 
 impl Battle {

@@ -1,6 +1,7 @@
 //! What the units of a side receive: observations, the state, and the available actions.
 
 mod avail;
+mod bounds;
 mod features;
 mod obs;
 mod state;
@@ -9,6 +10,7 @@ mod tests;
 mod unit_tables;
 
 pub(crate) use avail::Available;
+pub use bounds::feature_bounds;
 pub use features::{action_names, obs_features, state_features};
 pub(crate) use obs::{ObsScratch, write_obs};
 pub use state::UnitFeatures;

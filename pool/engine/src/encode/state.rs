@@ -82,7 +82,7 @@ fn energy_or_cooldown(view: &View, id: u32) -> f32 {
     if stats.is_healer {
         ratio(units.energy[i], stats.energy)
     } else {
-        ratio(units.cooldown[i], stats.cooldown)
+        ratio(units.cooldown[i], stats.greatest_cooldown)
     }
 }
 

@@ -19,6 +19,7 @@ mod tactics;
 use crate::arena::Arena;
 use crate::encode::types_in_state;
 use smaclite_scenarios::Faction;
+use smaclite_units::file::or_did_you_mean;
 use tactics::Fire;
 
 pub use crate::tactic::Tactic;
@@ -155,5 +156,9 @@ impl Scripted {
 
 /// A name that no policy has.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("unknown policy `{0}`; the policies are {names}", names = Scripted::NAMES.join(", "))]
+#[error(
+    "unknown policy `{0}`; the policies are {names}{hint}",
+    names = Scripted::NAMES.join(", "),
+    hint = or_did_you_mean(.0, Scripted::NAMES)
+)]
 pub struct UnknownPolicy(pub String);

@@ -34,9 +34,10 @@ use smaclite_scenarios::{Scenario, Smacv2, Terrain};
 
 pub use heuristic::Choice;
 pub use orders::Order;
-pub(crate) use outcome::End;
 pub use outcome::Outcome;
+pub(crate) use perception::GREATEST_LEVEL;
 pub use perception::{Chance, Frame, Perception};
+pub use words::WrongWord;
 pub(crate) use words::{NO_SEER, POINT};
 
 use crate::sizes::Sizes;
@@ -173,6 +174,7 @@ impl Interface {
             obs_size: self.sizes.obs,
             state_size: self.sizes.state,
             perception_size: self.perception_size(),
+            n_phases: 0,
             enemies: None,
         }
     }
@@ -217,9 +219,10 @@ impl Interface {
         usize::from(self.options.attack.is_some()) + usize::from(self.options.health.is_some()) + self.n_types
     }
 
-    /// The share of the episode limit that is over; 0 without a limit.
+    /// The share of the episode limit that is over; 0 without a limit. A battle that was restored can be
+    /// longer than the limit; then all of it is over.
     pub fn time(&self, perception: &Perception) -> f64 {
-        self.episode_limit.map_or(0.0, |limit| f64::from(perception.steps) / f64::from(limit))
+        self.episode_limit.map_or(0.0, |limit| f64::from(perception.steps.min(limit)) / f64::from(limit))
     }
 
     fn kind(&self, frame: &Frame, unit: usize) -> &Kind {

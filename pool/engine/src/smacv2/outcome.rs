@@ -1,7 +1,7 @@
 //! Rewards and ends.
 
 use super::{Frame, Interface, Perception};
-use crate::rewards::Points;
+use crate::rewards::{End, Points};
 
 /// The outcome of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -14,14 +14,6 @@ pub struct Outcome {
     pub at_limit: bool,
     /// The agents have won.
     pub battle_won: bool,
-}
-
-/// How a battle ended.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum End {
-    Won,
-    Lost,
-    Draw,
 }
 
 impl Interface {

@@ -88,7 +88,7 @@ pub struct Perception {
 
 /// The greatest number below 1. Agents are shown their health as a share of what is above their level, and
 /// above a level of 1 there is nothing; a sum of bounds near 1 can round to it.
-const GREATEST_LEVEL: f64 = 1.0 - f64::EPSILON / 2.0;
+pub(crate) const GREATEST_LEVEL: f64 = 1.0 - f64::EPSILON / 2.0;
 
 /// What is random.
 pub trait Chance {

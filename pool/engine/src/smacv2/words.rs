@@ -1,7 +1,15 @@
 //! What battles keep for the interface, as the words of a snapshot: how many there are, and which are
 //! possible.
 
-use super::Interface;
+use std::{fmt, iter};
+
+use smaclite_scenarios::Capability;
+
+use super::{GREATEST_LEVEL, Interface};
+use crate::extent::Extent;
+
+/// The greatest return is the sum of what all units are worth, over at most 2^64 resets.
+const MAX_RETURN: f64 = 1e30;
 
 /// The word of an enemy that nobody has seen.
 pub(crate) const NO_SEER: u64 = u64::MAX;
@@ -40,27 +48,90 @@ impl Interface {
         2 + attack + health + looks + seers + commands + 2 * flags.div_ceil(64) + mask.div_ceil(64)
     }
 
-    /// The first word that a battle cannot have, of as many as there must be.
-    pub(crate) fn invalid_word(&self, words: &[u64]) -> Option<usize> {
+    /// Checks words, of which there are as many as there must be.
+    ///
+    /// # Errors
+    /// The first word that a battle cannot have.
+    pub(crate) fn check_words(&self, words: &[u64]) -> Result<(), WrongWord> {
+        let is_wrong = |(word, (_, allowed)): &(&u64, (&str, Allowed))| !allowed.contains(**word);
+        let allowed = words.iter().zip(self.allowed_words());
+        match allowed.enumerate().find(|(_, word)| is_wrong(word)) {
+            Some((index, (&value, (meaning, allowed)))) => {
+                Err(WrongWord { index, value, meaning, expected: allowed.to_string() })
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// What each word says, and what it can be. The flags behind them can be anything.
+    fn allowed_words(&self) -> impl Iterator<Item = (&'static str, Allowed)> {
         let WordCounts { attack, health, looks, seers, commands, .. } = self.word_counts();
-        let is_number = |word: u64| f64::from_bits(word).is_finite();
-        let first_level = 2 + attack;
-        let first_seer = first_level + health + looks;
-        let first_command = first_seer + seers;
-        let n_units = (self.n_agents + self.n_enemies) as u64;
-        let is_valid = |i: usize, word: u64| match i {
-            // The greatest return, which may be negative; rewards are divided by it if they are scaled.
-            0 => is_number(word) && (!self.options.rewards.scale || f64::from_bits(word) != 0.0),
-            1 => word >> 33 == 0,
-            i if first_level <= i && i < first_level + health => (0.0..1.0).contains(&f64::from_bits(word)),
-            i if i < first_seer => is_number(word),
-            i if i < first_command => word == NO_SEER || word < self.n_agents as u64,
-            i if i < first_command + commands => match (i - first_command) % 3 {
-                0 => word == POINT || word <= n_units,
-                _ => is_number(word),
-            },
-            _ => true,
+        let o = &self.options;
+        let drawn = |capability: Option<Capability>, greatest: f64| {
+            let bounds = capability.map_or([0.0; 2], |of| [of.lower_bound, of.upper_bound]);
+            Allowed::Number { min: bounds[0].min(greatest), max: bounds[1].min(greatest) }
         };
-        words.iter().enumerate().find(|(i, word)| !is_valid(*i, **word)).map(|(i, _)| i)
+        let n_units = (self.n_agents + self.n_enemies) as u64;
+        // Points to go to are a move away from a position.
+        let (Extent { low, high }, amount) = (Extent::of(&self.terrain), o.move_amount);
+        let [x, y] = [(low.x, high.x), (low.y, high.y)].map(|(low, high)| Allowed::Number {
+            min: f64::from(low) - amount,
+            max: f64::from(high) + amount,
+        });
+        let command = [
+            ("the order of an agent", Allowed::Whole { max: n_units, or: POINT }),
+            ("x of where it goes", x),
+            ("y of where it goes", y),
+        ];
+        let all = |meaning, allowed: Allowed, n: usize| iter::repeat_n((meaning, allowed), n);
+        all("the greatest return", Allowed::Number { min: -MAX_RETURN, max: MAX_RETURN }, 1)
+            .chain(all("the step", Allowed::Whole { max: (1 << 33) - 1, or: 0 }, 1))
+            .chain(all("an attack probability", drawn(o.attack, 1.0), attack))
+            .chain(all("a health level", drawn(o.health, GREATEST_LEVEL), health))
+            .chain(all("a look", Allowed::Number { min: -1.0, max: 1.0 }, looks))
+            .chain(all("a seer", Allowed::Whole { max: self.n_agents as u64 - 1, or: NO_SEER }, seers))
+            .chain(command.into_iter().cycle().take(commands))
+    }
+}
+
+/// A word that no battle has.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("the impossible word {value:#018x} at {index}: {meaning} must be {expected}")]
+pub struct WrongWord {
+    /// Its place.
+    pub index: usize,
+    /// The word.
+    pub value: u64,
+    /// What the word says.
+    pub meaning: &'static str,
+    /// What is possible.
+    pub expected: String,
+}
+
+/// What a word can be.
+#[derive(Clone, Copy, Debug)]
+enum Allowed {
+    /// The bits of a number.
+    Number { min: f64, max: f64 },
+    /// A whole number, or a special one.
+    Whole { max: u64, or: u64 },
+}
+
+impl Allowed {
+    fn contains(self, word: u64) -> bool {
+        match self {
+            Allowed::Number { min, max } => (min..=max).contains(&f64::from_bits(word)),
+            Allowed::Whole { max, or } => word <= max || word == or,
+        }
+    }
+}
+
+impl fmt::Display for Allowed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Allowed::Number { min, max } => write!(f, "the bits of a number between {min} and {max}"),
+            Allowed::Whole { max, or: 0 } => write!(f, "at most {max}"),
+            Allowed::Whole { max, or } => write!(f, "at most {max}, or {or:#x}"),
+        }
     }
 }

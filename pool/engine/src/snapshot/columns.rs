@@ -39,14 +39,14 @@ impl ColumnType {
 /// An axis of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ColumnAxis {
-    /// One per unit, agents first, by battle-wide id (`n_units`).
-    Unit,
     /// One per agent, and then one per enemy, by their numbers in their faction (`n_units`).
-    Actor,
+    Unit,
     /// One per joint action that is kept (`n_past`).
     Past,
     /// As many as SMACv2's interface needs (`n_perception`); 0 without it.
     Perception,
+    /// One per unit as `Unit`, under rules `starcraft` (`n_phases`); none under the others.
+    Phase,
     /// x and y.
     Xy,
 }
@@ -63,6 +63,8 @@ pub enum Column {
     NEnemies,
     NPast,
     NPerception,
+    NPhases,
+    Rules,
     NKnown,
     Scenario,
     Seed,
@@ -88,10 +90,22 @@ pub enum Column {
     UnitType,
     Alive,
     Declared,
+    Windup,
+    Backswing,
+    Look,
+    HitTime,
+    HitAt,
+    Goal,
+    Facing,
+    AttackTarget,
+    LastAttacked,
+    HitTarget,
+    Hits,
+    IsAlarmed,
 }
 
 /// How many columns there are.
-pub const COLUMN_COUNT: usize = 32;
+pub const COLUMN_COUNT: usize = 46;
 
 /// Name, type, shape and meaning of a column.
 #[derive(Clone, Copy, Debug)]
@@ -118,7 +132,7 @@ const fn spec(
     ColumnSpec { column, name, dtype, axes, meaning }
 }
 
-use ColumnAxis::{Actor, Past, Perception, Unit, Xy};
+use ColumnAxis::{Past, Perception, Phase, Unit, Xy};
 use ColumnType::{Bool, F32, F64, I32, U32, U64};
 
 /// The table of columns, in their order in a record.
@@ -133,7 +147,7 @@ pub const COLUMNS: [ColumnSpec; COLUMN_COUNT] = [
         "n_past",
         U32,
         &[],
-        "joint actions kept for observations: the lane's obs_last_actions",
+        "joint actions kept for observations: the lane's obs_last_actions, or those of a team as its enemies",
     ),
     spec(
         Column::NPerception,
@@ -142,6 +156,14 @@ pub const COLUMNS: [ColumnSpec; COLUMN_COUNT] = [
         &[],
         "entries of perception; 0 without SMACv2's interface",
     ),
+    spec(
+        Column::NPhases,
+        "n_phases",
+        U32,
+        &[],
+        "units whose attacks have phases: all under rules `starcraft`, else 0",
+    ),
+    spec(Column::Rules, "rules", U32, &[], "rule set: 0 `smaclite`, 1 `paper`, 2 `starcraft`"),
     spec(Column::NKnown, "n_known", U32, &[], "how many of past_actions are of this episode, the first ones"),
     spec(Column::Scenario, "scenario", U64, &[], "hash of the scenario, its unit types and the rule set"),
     spec(Column::Seed, "seed", U64, &[], "seed of the generator"),
@@ -165,7 +187,7 @@ pub const COLUMNS: [ColumnSpec; COLUMN_COUNT] = [
     spec(Column::Pos, "pos", F32, &[Unit, Xy], "position in squares; x grows east, y north"),
     spec(Column::Vel, "vel", F32, &[Unit, Xy], "velocity of the last move, in squares per second"),
     spec(Column::PlannedVel, "planned_vel", F32, &[Unit, Xy], "velocity planned in the last tick"),
-    spec(Column::Target, "target", I32, &[Unit], "id of the unit's target, -1 for none"),
+    spec(Column::Target, "target", I32, &[Unit], "place of the unit's target in these columns, -1 for none"),
     spec(
         Column::NeighbourRank,
         "neighbour_rank",
@@ -184,14 +206,14 @@ pub const COLUMNS: [ColumnSpec; COLUMN_COUNT] = [
         Column::LastAction,
         "last_action",
         I32,
-        &[Actor],
+        &[Unit],
         "last action of each agent and enemy, -1 after a reset and for enemies that no joint action plays",
     ),
     spec(
         Column::PastActions,
         "past_actions",
         I32,
-        &[Past, Actor],
+        &[Past, Unit],
         "the last joint actions, the newest first; -1 for enemies that they do not play",
     ),
     spec(
@@ -203,6 +225,66 @@ pub const COLUMNS: [ColumnSpec; COLUMN_COUNT] = [
     ),
     spec(Column::Alive, "alive", Bool, &[Unit], "whether the unit is in the battle"),
     spec(Column::Declared, "declared", Bool, &[Unit], "whether it holds a declared attack (rule R4)"),
+    spec(
+        Column::Windup,
+        "windup",
+        F64,
+        &[Phase],
+        "seconds until the damage point of the attack that has begun; 0 if none has",
+    ),
+    spec(
+        Column::Backswing,
+        "backswing",
+        F64,
+        &[Phase],
+        "seconds until the unit walks again without a new order",
+    ),
+    spec(Column::Look, "look", F64, &[Phase], "seconds until the unit looks for targets again"),
+    spec(Column::HitTime, "hit_time", F64, &[Phase], "seconds until the next of its hits in flight arrives"),
+    spec(Column::HitAt, "hit_at", F32, &[Phase, Xy], "where the target of these hits was"),
+    spec(
+        Column::Goal,
+        "goal",
+        F32,
+        &[Phase, Xy],
+        "where the unit marches to while it attack-moves; set in the first step of an episode",
+    ),
+    spec(
+        Column::Facing,
+        "facing",
+        F32,
+        &[Phase, Xy],
+        "where the unit faces, as a direction; 0 before it first walks or attacks",
+    ),
+    spec(
+        Column::AttackTarget,
+        "attack_target",
+        I32,
+        &[Phase],
+        "place of the target of the attack that has begun, -1 for none",
+    ),
+    spec(
+        Column::LastAttacked,
+        "last_attacked",
+        I32,
+        &[Phase],
+        "place of the target of the last attack, -1 for none",
+    ),
+    spec(
+        Column::HitTarget,
+        "hit_target",
+        I32,
+        &[Phase],
+        "place of the target of the hits in flight, -1 for none",
+    ),
+    spec(Column::Hits, "hits", U32, &[Phase], "hits in flight"),
+    spec(
+        Column::IsAlarmed,
+        "is_alarmed",
+        Bool,
+        &[Phase],
+        "whether it looks for targets at once, since a unit of its side near it was hit",
+    ),
 ];
 
 impl Column {

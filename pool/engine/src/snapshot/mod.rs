@@ -1,10 +1,11 @@
-//! The state of a battle between two steps, as plain data, and the check that it fits an arena.
+//! The state of a battle between two steps, as plain data. `ranges` checks that it fits an arena.
 
 use serde::{Deserialize, Serialize};
-use smaclite_units::{Plane, UnitType};
+use smaclite_units::Plane;
 use thiserror::Error;
 
 mod columns;
+mod ranges;
 mod record;
 mod write;
 
@@ -15,8 +16,9 @@ use crate::arena::Arena;
 use crate::neighbour_order::{NeighbourOrder, PlaneOrder};
 use crate::opponents::Opponent;
 use crate::random::Generator;
+use crate::rules::Rules;
 use crate::sides::Actor;
-use crate::sizes::Sizes;
+use crate::smacv2::WrongWord;
 use crate::units::Units;
 use glam::Vec2;
 
@@ -74,10 +76,24 @@ pub enum SnapshotError {
     /// A record that was changed without a new checksum.
     #[error("the snapshot is damaged: its checksum is that of other bytes")]
     Checksum,
-    /// A record of another scenario or rule set.
+    /// A record with another rule set.
+    #[error("the snapshot is of rules `{given}`, and the battle has rules `{expected}`")]
+    OtherRules {
+        /// The record's rules.
+        given: Rules,
+        /// The arena's rules.
+        expected: Rules,
+    },
+    /// A rule set that does not exist.
+    #[error("snapshot column 'rules' must be below {}, got {given}", Rules::ALL.len())]
+    NoSuchRules {
+        /// The number in the column.
+        given: u32,
+    },
+    /// A record of another scenario.
     #[error(
-        "the snapshot is of another scenario or rule set: column 'scenario' must be {expected:#018x}, got \
-         {given:#018x}"
+        "the snapshot is of another scenario, or of the same with other keys or `smacv2` options: column \
+         'scenario' must be {expected:#018x}, got {given:#018x}"
     )]
     OtherScenario {
         /// The record's hash.
@@ -87,8 +103,8 @@ pub enum SnapshotError {
     },
     /// A record for observations with another number of past actions.
     #[error(
-        "the snapshot has {given} past joint actions, must have {expected}: obs_last_actions of the lane \
-         that it is from and of this one differ"
+        "the snapshot is of a lane with `obs_last_actions` {given}, and this one has {expected}: a snapshot \
+         has the past actions that observations show, also those of a team that plays the enemies"
     )]
     PastActions {
         /// The record's number.
@@ -111,7 +127,7 @@ pub enum SnapshotError {
     OutOfRange {
         /// The column.
         column: &'static str,
-        /// Battle-wide id of the unit.
+        /// The unit's place in the columns.
         unit: usize,
         /// Its value.
         value: f64,
@@ -123,7 +139,7 @@ pub enum SnapshotError {
     /// A type that the unit cannot have.
     #[error("snapshot column 'unit_type' is {given} for unit {unit}, but must be {expected}")]
     NoSuchType {
-        /// Battle-wide id of the unit.
+        /// The unit's place in the columns.
         unit: usize,
         /// Its type.
         given: u32,
@@ -131,12 +147,17 @@ pub enum SnapshotError {
         expected: String,
     },
     /// A target that does not exist.
-    #[error("snapshot column 'target' must be below {n_units} for unit {unit}, got {target}")]
+    #[error(
+        "snapshot column '{column}' must be between -1 and {} for unit {unit}, got {target}",
+        n_units - 1
+    )]
     NoSuchTarget {
-        /// Battle-wide id of the unit.
+        /// The column.
+        column: &'static str,
+        /// The unit's place in the columns.
         unit: usize,
         /// Its target.
-        target: u32,
+        target: i64,
         /// Number of units.
         n_units: usize,
     },
@@ -175,18 +196,15 @@ pub enum SnapshotError {
     #[error("in the snapshot a learner plays the enemies, which needs sides `both`")]
     OneSide,
     /// A word of what agents perceived that no battle has.
-    #[error("snapshot column 'perception' has the impossible word {value:#018x} at {index}")]
-    Perception {
-        /// Its place.
-        index: usize,
-        /// The word.
-        value: u64,
-    },
-    /// The return is not a number.
-    #[error("snapshot column 'episode_return' must be finite, got {value}")]
+    #[error("snapshot column 'perception' has {0}")]
+    Perception(#[from] WrongWord),
+    /// A return that no battle has.
+    #[error("snapshot column 'episode_return' must be between -{max:e} and {max:e}, got {value:e}")]
     Return {
         /// The return.
         value: f64,
+        /// The greatest possible one.
+        max: f64,
     },
 }
 
@@ -201,6 +219,7 @@ impl Snapshot {
         size_of::<Snapshot>()
             + size_of_val(&types[..])
             + units.pos.len() * (vectors + numbers + others)
+            + size_of_val(&units.phases[..])
             + neighbour_order.planes.iter().map(of_order).sum::<usize>()
             + last_actions.len() * size_of::<Option<u32>>()
             + size_of_val(&self.perception[..])
@@ -217,126 +236,5 @@ impl Snapshot {
         }
         let lives = |ids: &[u32]| ids.iter().any(|id| self.units.alive[*id as usize]);
         is_at_limit || !lives(&arena.agents) || !lives(&arena.enemies)
-    }
-
-    /// Checks that a battle in this arena can have this state.
-    ///
-    /// # Errors
-    /// The first value that this arena does not allow.
-    pub fn check(&self, arena: &Arena) -> Result<(), SnapshotError> {
-        self.check_lengths(arena)?;
-        self.check_types(arena)?;
-        self.check_ranges(arena)?;
-        self.check_references(arena)
-    }
-
-    fn check_lengths(&self, arena: &Arena) -> Result<(), SnapshotError> {
-        let units = &self.units;
-        let n_units = arena.sizes().n_units();
-        let columns = [
-            ("unit_type", self.types.len(), n_units),
-            ("pos", units.pos.len(), n_units),
-            ("vel", units.vel.len(), n_units),
-            ("planned_vel", units.planned_vel.len(), n_units),
-            ("hp", units.hp.len(), n_units),
-            ("shield", units.shield.len(), n_units),
-            ("energy", units.energy.len(), n_units),
-            ("cooldown", units.cooldown.len(), n_units),
-            ("shield_cooldown", units.shield_cooldown.len(), n_units),
-            ("healing", units.healing.len(), n_units),
-            ("alive", units.alive.len(), n_units),
-            ("target", units.target.len(), n_units),
-            ("declared", units.declared.len(), n_units),
-            ("last_action", self.last_actions.len(), n_units),
-            ("perception", self.perception.len(), arena.sizes().perception_size),
-        ];
-        match columns.into_iter().find(|(_, given, expected)| given != expected) {
-            Some((column, given, expected)) => Err(SnapshotError::WrongLength { column, given, expected }),
-            None => Ok(()),
-        }
-    }
-
-    fn check_types(&self, arena: &Arena) -> Result<(), SnapshotError> {
-        let n_types = arena.types().len();
-        let expected = |own: u32| match arena.drawer() {
-            Some(_) => format!("between 0 and {}", n_types - 1),
-            None => own.to_string(),
-        };
-        let is_wrong = |&(&given, own): &(&u32, u32)| match arena.drawer() {
-            Some(_) => given as usize >= n_types,
-            None => given != own,
-        };
-        let of_units = self.types.iter().zip(arena.type_indices());
-        match of_units.enumerate().find(|(_, of_unit)| is_wrong(of_unit)) {
-            Some((unit, (&given, own))) => {
-                Err(SnapshotError::NoSuchType { unit, given, expected: expected(own) })
-            }
-            None => Ok(()),
-        }
-    }
-
-    fn check_ranges(&self, arena: &Arena) -> Result<(), SnapshotError> {
-        let units = &self.units;
-        for (unit, &unit_type) in self.types.iter().enumerate() {
-            let stats: &UnitType = &arena.types()[unit_type as usize];
-            let (pos, vel) = (units.pos[unit].as_dvec2(), units.vel[unit].as_dvec2());
-            let planned_vel = units.planned_vel[unit].as_dvec2();
-            // Any finite number; NaN and infinity are in no range.
-            let anything = f64::from(f32::MAX);
-            let ranges = [
-                ("pos", pos.x, -anything, anything),
-                ("pos", pos.y, -anything, anything),
-                ("vel", vel.x, -anything, anything),
-                ("vel", vel.y, -anything, anything),
-                ("planned_vel", planned_vel.x, -anything, anything),
-                ("planned_vel", planned_vel.y, -anything, anything),
-                ("hp", units.hp[unit], 0.0, stats.hp),
-                ("shield", units.shield[unit], 0.0, stats.shield),
-                ("energy", units.energy[unit], 0.0, stats.energy),
-                ("cooldown", units.cooldown[unit], 0.0, f64::MAX),
-                ("shield_cooldown", units.shield_cooldown[unit], 0.0, f64::MAX),
-                ("healing", units.healing[unit], 0.0, f64::MAX),
-            ];
-            for (column, value, min, max) in ranges {
-                if !(min..=max).contains(&value) {
-                    return Err(SnapshotError::OutOfRange { column, unit, value, min, max });
-                }
-            }
-        }
-        if self.episode_return.is_finite() {
-            Ok(())
-        } else {
-            Err(SnapshotError::Return { value: self.episode_return })
-        }
-    }
-
-    fn check_references(&self, arena: &Arena) -> Result<(), SnapshotError> {
-        let Sizes { n_agents, .. } = arena.sizes();
-        let n_units = arena.sizes().n_units();
-        for (unit, &target) in self.units.target.iter().enumerate() {
-            if let Some(target) = target.filter(|&target| target as usize >= n_units) {
-                return Err(SnapshotError::NoSuchTarget { unit, target, n_units });
-            }
-        }
-        // Targets may be dead: phase 1 drops them. The neighbour order must contain living units only, since
-        // collision avoidance trusts it.
-        if let Some(plane) = self.neighbour_order.invalid_plane(arena, &self.types, &self.units) {
-            let given = self.neighbour_order.planes[plane as usize].clone();
-            return Err(SnapshotError::NeighbourOrder { plane, given });
-        }
-        for (place, &action) in self.last_actions.iter().enumerate() {
-            let actor = Actor::at(place, n_agents);
-            let n_actions = arena.n_actions(actor.faction());
-            if let Some(action) = action.filter(|&action| action as usize >= n_actions) {
-                let (column, action) = ("last_action", i64::from(action));
-                return Err(SnapshotError::NoSuchAction { column, actor, action, n_actions });
-            }
-        }
-        if let Some(index) = arena.interface().and_then(|interface| interface.invalid_word(&self.perception))
-        {
-            return Err(SnapshotError::Perception { index, value: self.perception[index] });
-        }
-        let is_playable = self.opponent != Opponent::Learner || arena.sides().are_both();
-        if is_playable { Ok(()) } else { Err(SnapshotError::OneSide) }
     }
 }

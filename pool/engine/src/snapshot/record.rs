@@ -14,12 +14,14 @@ use crate::command::action;
 use crate::neighbour_order::NeighbourOrder;
 use crate::opponents::Opponent;
 use crate::random::{Generator, StreamPosition};
+use crate::rules::Rules;
 use crate::sides::Actor;
 use crate::sizes::Sizes;
+use crate::units::AttackPhase;
 use smaclite_scenarios::Faction;
 
 /// Increased when a column or the meaning of one changes.
-pub const RECORD_VERSION: u32 = 5;
+pub const RECORD_VERSION: u32 = 7;
 
 pub(super) const MAGIC: u32 = u32::from_le_bytes(*b"SMSN");
 
@@ -37,13 +39,15 @@ pub struct RecordSizes {
     pub n_past: usize,
     /// Entries of the column `perception`.
     pub n_perception: usize,
+    /// Entries of the columns of phases.
+    pub n_phases: usize,
 }
 
 impl RecordSizes {
     /// The sizes of the records of battles, with so many joint actions kept.
     pub fn new(sizes: &Sizes, n_past: usize) -> RecordSizes {
-        let Sizes { n_agents, n_enemies, perception_size, .. } = *sizes;
-        RecordSizes { n_agents, n_enemies, n_past, n_perception: perception_size }
+        let Sizes { n_agents, n_enemies, perception_size, n_phases, .. } = *sizes;
+        RecordSizes { n_agents, n_enemies, n_past, n_perception: perception_size, n_phases }
     }
 }
 
@@ -56,6 +60,10 @@ pub struct RecordLayout {
 }
 
 impl RecordLayout {
+    /// Bytes before the first column that says more than what the record is of: ten numbers and the hash of
+    /// the scenario.
+    pub const START_OF_VALUES: usize = size_of::<[u32; 10]>() + size_of::<u64>();
+
     /// The layout for these sizes.
     pub fn new(sizes: RecordSizes) -> RecordLayout {
         let mut offsets = [0; COLUMN_COUNT + 1];
@@ -90,12 +98,22 @@ impl RecordLayout {
             n_enemies: size(Column::NEnemies)?,
             n_past: size(Column::NPast)?,
             n_perception: size(Column::NPerception)?,
+            n_phases: size(Column::NPhases)?,
         });
         if layout.size() != record.len() {
             return Err(SnapshotError::Size { given: record.len(), expected: layout.size() });
         }
         let (stored, computed) = (number(Column::Checksum), checksum(record));
         if stored == Some(computed) { Ok(layout) } else { Err(SnapshotError::Checksum) }
+    }
+
+    /// The rule set of a record.
+    ///
+    /// # Errors
+    /// If the column has no rule set's number.
+    pub fn rules(&self, record: &[u8]) -> Result<Rules, SnapshotError> {
+        let given: u32 = self.get_one(record, Column::Rules);
+        Rules::ALL.get(given as usize).copied().ok_or(SnapshotError::NoSuchRules { given })
     }
 
     /// The sizes.
@@ -159,6 +177,14 @@ impl RecordLayout {
         self.column(record, column).chunks_exact(size_of::<T>()).map(bytemuck::pod_read_unaligned)
     }
 
+    /// A column of units by battle-wide id: in a record they are agents first, in a battle in the order of
+    /// the scenario's groups.
+    fn get_by_id<T: Pod>(&self, record: &[u8], column: Column, arena: &Arena) -> impl Iterator<Item = T> {
+        let column = self.column(record, column);
+        let (len, at) = (column.len() / arena.sizes().n_units(), |id| arena.place(id));
+        arena.unit_ids().map(move |id| bytemuck::pod_read_unaligned(&column[at(id) * len..][..len]))
+    }
+
     pub(super) fn get_one<T: Pod>(&self, record: &[u8], column: Column) -> T {
         bytemuck::pod_read_unaligned(self.column(record, column))
     }
@@ -166,9 +192,10 @@ impl RecordLayout {
 
 fn extent(sizes: RecordSizes, axis: ColumnAxis) -> usize {
     match axis {
-        ColumnAxis::Unit | ColumnAxis::Actor => sizes.n_agents + sizes.n_enemies,
+        ColumnAxis::Unit => sizes.n_agents + sizes.n_enemies,
         ColumnAxis::Past => sizes.n_past,
         ColumnAxis::Perception => sizes.n_perception,
+        ColumnAxis::Phase => sizes.n_phases,
         ColumnAxis::Xy => 2,
     }
 }
@@ -224,15 +251,19 @@ impl Snapshot {
         let layout = RecordLayout::of(record)?;
         let (scenario, expected) = (layout.get_one::<u64>(record, Column::Scenario), arena.scenario_hash());
         let given = layout.sizes.n_past;
+        let rules = layout.rules(record)?;
+        if rules != arena.rules() {
+            return Err(SnapshotError::OtherRules { given: rules, expected: arena.rules() });
+        }
         if scenario != expected || layout.sizes != RecordSizes::new(&arena.sizes(), given) {
             return Err(SnapshotError::OtherScenario { given: scenario, expected });
         }
         if given != n_past {
             return Err(SnapshotError::PastActions { given, expected: n_past });
         }
-        self.read_units(&layout, record)?;
+        self.read_units(arena, &layout, record)?;
         refill(&mut self.perception, layout.get(record, Column::Perception));
-        refill(&mut self.types, layout.get(record, Column::UnitType));
+        refill(&mut self.types, layout.get_by_id(record, Column::UnitType, arena));
         self.check_types(arena)?;
         self.neighbour_order.read(arena, &self.types, &layout, record)?;
         refill(&mut self.last_actions, numbers(&layout, record, Column::LastAction)?);
@@ -252,22 +283,73 @@ impl Snapshot {
         read_past_actions(arena, &layout, record, past_actions)
     }
 
-    fn read_units(&mut self, layout: &RecordLayout, record: &[u8]) -> Result<(), SnapshotError> {
+    fn read_units(
+        &mut self,
+        arena: &Arena,
+        layout: &RecordLayout,
+        record: &[u8],
+    ) -> Result<(), SnapshotError> {
         let units = &mut self.units;
-        refill(&mut units.hp, layout.get(record, Column::Hp));
-        refill(&mut units.shield, layout.get(record, Column::Shield));
-        refill(&mut units.energy, layout.get(record, Column::Energy));
-        refill(&mut units.cooldown, layout.get(record, Column::Cooldown));
-        refill(&mut units.shield_cooldown, layout.get(record, Column::ShieldCooldown));
-        refill(&mut units.healing, layout.get(record, Column::Healing));
-        refill(&mut units.pos, layout.get(record, Column::Pos));
-        refill(&mut units.vel, layout.get(record, Column::Vel));
-        refill(&mut units.planned_vel, layout.get(record, Column::PlannedVel));
-        refill(&mut units.target, numbers(layout, record, Column::Target)?);
-        refill(&mut units.alive, flags(layout, record, Column::Alive)?);
-        refill(&mut units.declared, flags(layout, record, Column::Declared)?);
+        refill(&mut units.hp, layout.get_by_id(record, Column::Hp, arena));
+        refill(&mut units.shield, layout.get_by_id(record, Column::Shield, arena));
+        refill(&mut units.energy, layout.get_by_id(record, Column::Energy, arena));
+        refill(&mut units.cooldown, layout.get_by_id(record, Column::Cooldown, arena));
+        refill(&mut units.shield_cooldown, layout.get_by_id(record, Column::ShieldCooldown, arena));
+        refill(&mut units.healing, layout.get_by_id(record, Column::Healing, arena));
+        refill(&mut units.pos, layout.get_by_id(record, Column::Pos, arena));
+        refill(&mut units.vel, layout.get_by_id(record, Column::Vel, arena));
+        refill(&mut units.planned_vel, layout.get_by_id(record, Column::PlannedVel, arena));
+        check_flags(layout, record, Column::Alive)?;
+        check_flags(layout, record, Column::Declared)?;
+        let is_set = |flag: u8| flag == 1;
+        refill(&mut units.alive, layout.get_by_id(record, Column::Alive, arena).map(is_set));
+        refill(&mut units.declared, layout.get_by_id(record, Column::Declared, arena).map(is_set));
+        check_targets(layout, record, Column::Target)?;
+        let target = |place: i32| usize::try_from(place).ok().map(|place| arena.id_at(place));
+        refill(&mut units.target, layout.get_by_id(record, Column::Target, arena).map(target));
+        if layout.sizes.n_phases > 0 {
+            return read_phases(&mut units.phases, arena, layout, record);
+        }
+        units.phases.clear();
         Ok(())
     }
+}
+
+/// Reads the columns of phases.
+fn read_phases(
+    phases: &mut Vec<AttackPhase>,
+    arena: &Arena,
+    layout: &RecordLayout,
+    record: &[u8],
+) -> Result<(), SnapshotError> {
+    for column in [Column::AttackTarget, Column::LastAttacked, Column::HitTarget] {
+        check_targets(layout, record, column)?;
+    }
+    let times = |column| layout.get_by_id::<f64>(record, column, arena);
+    let targets = |column| {
+        let places = layout.get_by_id::<i32>(record, column, arena);
+        places.map(|place| usize::try_from(place).ok().map(|place| arena.id_at(place)))
+    };
+    refill(phases, arena.unit_ids().map(|_| AttackPhase::default()));
+    phases.iter_mut().zip(times(Column::Windup)).for_each(|(phase, time)| phase.windup = time);
+    phases.iter_mut().zip(times(Column::Backswing)).for_each(|(phase, time)| phase.backswing = time);
+    phases.iter_mut().zip(times(Column::Look)).for_each(|(phase, time)| phase.look = time);
+    phases.iter_mut().zip(times(Column::HitTime)).for_each(|(phase, time)| phase.hit_time = time);
+    let hit_at = layout.get_by_id(record, Column::HitAt, arena);
+    phases.iter_mut().zip(hit_at).for_each(|(phase, at)| phase.hit_at = at);
+    phases.iter_mut().zip(targets(Column::AttackTarget)).for_each(|(phase, target)| phase.target = target);
+    phases.iter_mut().zip(targets(Column::LastAttacked)).for_each(|(phase, last)| phase.last = last);
+    phases.iter_mut().zip(targets(Column::HitTarget)).for_each(|(phase, of)| phase.hit_target = of);
+    let goals = layout.get_by_id(record, Column::Goal, arena);
+    phases.iter_mut().zip(goals).for_each(|(phase, goal)| phase.goal = goal);
+    let facings = layout.get_by_id(record, Column::Facing, arena);
+    phases.iter_mut().zip(facings).for_each(|(phase, facing)| phase.facing = facing);
+    check_flags(layout, record, Column::IsAlarmed)?;
+    let alarmed = layout.get_by_id::<u8>(record, Column::IsAlarmed, arena);
+    phases.iter_mut().zip(alarmed).for_each(|(phase, flag)| phase.is_alarmed = flag == 1);
+    let hits = layout.get_by_id(record, Column::Hits, arena);
+    phases.iter_mut().zip(hits).for_each(|(phase, hits)| phase.hits = hits);
+    Ok(())
 }
 
 impl NeighbourOrder {
@@ -284,21 +366,21 @@ impl NeighbourOrder {
             plane.by_number.clear();
         });
         for column in [Column::NeighbourRank, Column::NeighbourNumber] {
-            for (id, place) in arena.unit_ids().zip(layout.get::<i32>(record, column)) {
+            for (id, number) in arena.ids_by_place().zip(layout.get::<i32>(record, column)) {
                 let plane = arena.types()[types[id as usize] as usize].plane;
                 let plane = &mut self.planes[plane as usize];
                 let order =
                     if column == Column::NeighbourRank { &mut plane.list } else { &mut plane.by_number };
-                let Ok(place) = usize::try_from(place) else { continue };
-                if place >= arena.sizes().n_units() {
-                    let (unit, max) = (id as usize, arena.sizes().n_units() as f64 - 1.0);
-                    let (column, value) = (column.name(), place as f64);
+                let Ok(number) = usize::try_from(number) else { continue };
+                if number >= arena.sizes().n_units() {
+                    let (unit, max) = (arena.place(id), arena.sizes().n_units() as f64 - 1.0);
+                    let (column, value) = (column.name(), number as f64);
                     return Err(SnapshotError::OutOfRange { column, unit, value, min: -1.0, max });
                 }
-                if order.len() <= place {
-                    order.resize(place + 1, u32::MAX);
+                if order.len() <= number {
+                    order.resize(number + 1, u32::MAX);
                 }
-                order[place] = id; // gaps and double places are found by the check of the whole order
+                order[number] = id; // gaps and double numbers are found by the check of the whole order
             }
         }
         Ok(())
@@ -319,18 +401,29 @@ fn numbers<'a>(
     Ok(values().map(|number| u32::try_from(number).ok()))
 }
 
-/// A column of 0 and 1.
-fn flags<'a>(
-    layout: &RecordLayout,
-    record: &'a [u8],
-    column: Column,
-) -> Result<impl Iterator<Item = bool> + use<'a>, SnapshotError> {
-    let values = layout.column(record, column);
-    if let Some((unit, value)) = values.iter().enumerate().find(|(_, value)| **value > 1) {
-        let (column, value) = (column.name(), f64::from(*value));
-        return Err(SnapshotError::OutOfRange { column, unit, value, min: 0.0, max: 1.0 });
+/// Checks a column of 0 and 1.
+fn check_flags(layout: &RecordLayout, record: &[u8], column: Column) -> Result<(), SnapshotError> {
+    let flags = layout.column(record, column).iter().enumerate();
+    match { flags }.find(|(_, flag)| **flag > 1) {
+        Some((unit, flag)) => {
+            let (column, value) = (column.name(), f64::from(*flag));
+            Err(SnapshotError::OutOfRange { column, unit, value, min: 0.0, max: 1.0 })
+        }
+        None => Ok(()),
     }
-    Ok(values.iter().map(|value| *value == 1))
+}
+
+/// Checks the places of targets, -1 for none.
+fn check_targets(layout: &RecordLayout, record: &[u8], column: Column) -> Result<(), SnapshotError> {
+    let n_units = layout.shape(Column::Target)[0];
+    let targets = layout.get::<i32>(record, column).enumerate();
+    match { targets }.find(|(_, target)| !(-1..n_units as i64).contains(&i64::from(*target))) {
+        Some((unit, target)) => {
+            let (column, target) = (column.name(), target.into());
+            Err(SnapshotError::NoSuchTarget { column, unit, target, n_units })
+        }
+        None => Ok(()),
+    }
 }
 
 fn read_past_actions(

@@ -56,7 +56,7 @@ fn take_plain_turns(world: &mut World, turn: &mut usize) -> Option<(u32, Event)>
             return Some((id, Event::IsWithoutHealth));
         }
         let limits = &regenerations[i];
-        pos[i] += planned_vel[i] * TICK as f32;
+        pos[i] = arena.extent.nearest(pos[i] + planned_vel[i] * TICK as f32);
         cooldown[i] = fast_math::max(0.0, cooldown[i] - TICK);
         // A hit sets the shield cooldown to SHIELD_DELAY; the shield regenerates only when it has reached 0.
         shield_cooldown[i] = fast_math::max(0.0, shield_cooldown[i] - TICK);

@@ -8,6 +8,7 @@ mod avoid;
 mod deaths;
 mod execute;
 mod preferred;
+pub(crate) mod starcraft;
 mod target_choice;
 mod targeters;
 mod targets;
@@ -95,6 +96,16 @@ pub(crate) struct TickScratch {
     reserved: (usize, usize),
     /// Whether a unit may be without health: in the first tick of a step, and where one lost its last health.
     may_have_dead: bool,
+    /// Under rules `starcraft`, the units that have exploded in this tick.
+    exploded: Vec<u32>,
+    /// Under rules `starcraft`, the units that stand in this tick.
+    standing: Vec<starcraft::Standing>,
+    /// Under rules `starcraft`, where those that stand near a unit are, from it, and how near it may come.
+    blockers: Vec<(Vec2, f32)>,
+    /// Under rules `starcraft`, how many units attack each unit.
+    attackers: Vec<i32>,
+    /// Under rules `starcraft`, health and shield of each unit before the hits of this tick.
+    vitality: Vec<f64>,
     /// The units of each faction that were killed in this step, also those that were healed to life then.
     pub killed: [u32; 2],
     /// What the hits of each unit earned in this step; empty unless the battle wants to know it.
@@ -150,6 +161,11 @@ impl TickScratch {
         clear_and_reserve(&mut self.start, n_units);
         clear_and_reserve(&mut self.unmoved, n_units);
         clear_and_reserve(&mut self.order, n_units);
+        clear_and_reserve(&mut self.exploded, n_units);
+        clear_and_reserve(&mut self.attackers, n_units);
+        clear_and_reserve(&mut self.vitality, n_units);
+        clear_and_reserve(&mut self.standing, n_units);
+        clear_and_reserve(&mut self.blockers, n_units);
         clear_and_reserve(&mut self.credits, n_units);
         clear_and_reserve(&mut self.before, n_units);
         clear_and_reserve(&mut self.commands, n_units);

@@ -205,15 +205,15 @@ impl Choice<'_> {
         };
         match (arena.rules, targets[id as usize]) {
             (Rules::Paper, _) => slowest(&mut faction().filter(is_found)).min(stats.speed),
-            (Rules::Smaclite, None) => slowest(&mut faction().filter(is_found).filter(can_heal)),
+            (_, None) => slowest(&mut faction().filter(is_found).filter(can_heal)),
             // A healer with a target is held back only while an enemy damage dealer has none, and then by the
             // opponents that target the healer, as in the published implementation.
-            (Rules::Smaclite, Some(_)) if self.scratch.any_enemy_lacks_target => {
+            (_, Some(_)) if self.scratch.any_enemy_lacks_target => {
                 let targets_me = |&other: &u32| targets[other as usize] == Some(id);
                 let opponents = self.alive_ids.opponents_of(arena, id).iter().copied();
                 slowest(&mut opponents.filter(targets_me).filter(can_heal))
             }
-            (Rules::Smaclite, Some(_)) => stats.speed,
+            (_, Some(_)) => stats.speed,
         }
     }
 }

@@ -16,10 +16,18 @@ pub(super) fn act(world: &mut World, id: u32, target: u32, earned: &mut Earned) 
         Targeter::Standard => earned.add(side, attack(world, id, target)),
         Targeter::Kamikaze { radius } => explode(world, id, radius, earned),
         Targeter::LaserBeam { width, height } => {
-            earned.add(side, fire_laser(world, id, target, width, height));
+            let centre = world.units.pos[target as usize];
+            earned.add(side, fire_laser_at(world, id, centre, width, height));
         }
         Targeter::Heal => heal(world, id, target),
     }
+}
+
+/// So many hits on a unit.
+pub(super) fn strike(world: &mut World, id: u32, victim: u32, hits: u32, earned: &mut Earned) {
+    let damage = world.arena.matchup(id, victim).damage;
+    let dealt = (0..hits).map(|_| hit(world, id, damage, victim)).sum();
+    earned.add(world.arena.faction(id), dealt);
 }
 
 /// All hits of one attack; some units hit more than once.
@@ -84,9 +92,8 @@ fn explode(world: &mut World, id: u32, radius: f64, earned: &mut Earned) {
 
 /// LASER_BEAM: hits every unit of the other faction, whatever its plane, whose circle touches a rectangle
 /// that lies across the line of fire, centred on the target.
-fn fire_laser(world: &mut World, id: u32, target: u32, width: f64, height: f64) -> f64 {
+pub(super) fn fire_laser_at(world: &mut World, id: u32, centre: Vec2, width: f64, height: f64) -> f64 {
     let arena = world.arena;
-    let centre = world.units.pos[target as usize];
     let beam = Beam::new(world.units.pos[id as usize], centre, width, height);
     // Half the diagonal of the rectangle; the radius of the victim is not added. The search uses positions at
     // the start of the tick, the hit current ones, as in `explode`.

@@ -6,6 +6,8 @@ use serde_json::{Value, json};
 use smaclite_engine::{BattleSetup, Sizes};
 use smaclite_scenarios::{Placement, ScenarioFiles};
 
+mod files;
+
 /// The response to a request, or the error.
 fn ask(session: &mut Session, request: Value) -> Value {
     let outcome: Value = serde_json::from_str(&session.respond_json(request.to_string().as_bytes())).unwrap();
@@ -161,11 +163,9 @@ fn what_cannot_be_played_is_refused() {
     assert!(session.battle.is_none(), "a refused battle begins nothing");
 }
 
-/// The weights of a team of 3m that observes no actions, with so many hidden units.
-fn weights(hidden: usize) -> String {
-    let sizes =
-        ScenarioFiles::resolve("3m").map(|(_, files)| BattleSetup::new(files).arena().unwrap().1.sizes());
-    let Sizes { n_agents, n_actions, obs_size, .. } = sizes.unwrap();
+/// The weights of a team that observes no actions, with so many hidden units.
+fn weights(setup: &BattleSetup, hidden: usize) -> String {
+    let Sizes { n_agents, n_actions, obs_size, .. } = setup.arena().unwrap().1.sizes();
     let shapes = [
         ("actor.0.weight", vec![hidden, obs_size]),
         ("actor.0.bias", vec![hidden]),
@@ -188,9 +188,10 @@ fn a_team_whose_layers_are_empty_is_refused() {
     let mut run: Value = serde_json::from_str(&std::fs::read_to_string(run).unwrap()).unwrap();
     run["config"]["last_actions"] = json!(0);
     let mut session = Session::default();
+    let setup = BattleSetup::new(ScenarioFiles::resolve("3m").unwrap().1);
     for (hidden, refusal) in [(4, None), (0, Some("at least one input and output, got the widths"))] {
         run["config"]["hidden"] = json!([hidden]);
-        let (run, weights) = (run.to_string(), weights(hidden));
+        let (run, weights) = (run.to_string(), weights(&setup, hidden));
         let added =
             ask(&mut session, json!({"type": "add_team", "name": "a", "run": run, "weights": weights}));
         let error = added.as_str();

@@ -36,6 +36,7 @@ macro_rules! modules {
 /// The modules that show battles; pages import them as `#view/name.js`.
 const MODULES: &[Module] = modules![
     "actions.js",
+    "address.js",
     "battle.js",
     "brush.js",
     "camera.js",

@@ -151,7 +151,9 @@ impl Replay {
             file: source.into(),
             reason: error.to_string(),
         };
-        let head: Head = serde_json::from_slice(json).map_err(not_a_replay)?;
+        // What follows the first value is not looked at yet: a dataset begins like a replay.
+        let mut values = serde_json::Deserializer::from_slice(json);
+        let head = Head::deserialize(&mut values).map_err(not_a_replay)?;
         if head.format != FORMAT {
             let reason = format!("`format` must be {FORMAT:?}, got {:?}", shortened(&head.format));
             return Err(ReplayError::NotAReplay { file: source.into(), reason });
@@ -223,7 +225,7 @@ impl Document {
             unit_files.map(|UnitText { name, keys, text }| UnitFile { name, keys, text }).collect();
         let check = Check { file: source, key: String::new() };
         let rules = Rules::from_str(&self.rules)
-            .map_err(|_| check.invalid("rules", "\"smaclite\" or \"paper\"", &self.rules))?;
+            .map_err(|_| check.invalid("rules", "\"smaclite\", \"paper\" or \"starcraft\"", &self.rules))?;
         check.that(self.episode_limit != Some(0), "episode_limit", "at least 1, or null", 0)?;
         let files = ScenarioFiles { source: printable_text(&file), text, unit_files };
         let episode_limit = self.episode_limit.into();

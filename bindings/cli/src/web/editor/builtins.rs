@@ -28,7 +28,7 @@ pub(super) fn builtins() -> Builtins {
         presets: Terrain::preset_names().filter_map(preset).collect(),
         units: UnitType::standard_names().filter_map(unit).collect(),
         policies: Scripted::NAMES.to_vec(),
-        rules: vec![Rules::Smaclite.to_string(), Rules::Paper.to_string()],
+        rules: Rules::ALL.map(|rules| rules.to_string()).to_vec(),
         scenario_format: FileFormat { keys: formats(Scenario::keys()) },
         unit_format: FileFormat { keys: formats(UnitType::keys()) },
         targeters: UnitType::targeters().map(targeter).collect(),

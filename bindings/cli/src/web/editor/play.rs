@@ -93,7 +93,10 @@ mod tests {
             PlayBattle { policy: "best".into(), ..ok() },
             "unknown policy `best`; the policies are random,",
         );
-        check(PlayBattle { rules: "go".into(), ..ok() }, "rules must be 'smaclite' or 'paper', got 'go'");
+        check(
+            PlayBattle { rules: "go".into(), ..ok() },
+            "rules must be 'smaclite', 'paper' or 'starcraft', got 'go'",
+        );
         check(
             PlayBattle { seed: "-1".into(), ..ok() },
             "seed must be a whole number from 0 to 18446744073709551615",

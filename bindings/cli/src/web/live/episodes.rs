@@ -2,6 +2,7 @@
 
 use smaclite_engine::Snapshot;
 use smaclite_ipc::EpisodePart;
+use smaclite_view::EpisodeResult;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
 
@@ -20,6 +21,10 @@ pub(super) struct Episode {
     pub(super) start: Snapshot,
     pub(super) actions: Vec<u16>,
     pub(super) is_over: bool,
+    /// How it ended, once it was played to its end.
+    pub(super) result: Option<EpisodeResult>,
+    /// Whether it was played for that, or cannot be.
+    pub(super) is_judged: bool,
     /// When its first and its newest part arrived.
     pub(super) began: Instant,
     pub(super) newest: Instant,
@@ -53,6 +58,11 @@ impl Episodes {
         self.all.iter().rev()
     }
 
+    /// The newest episode that is over and was not judged yet.
+    pub(super) fn unjudged(&mut self, listed: usize) -> Option<&mut Episode> {
+        self.all.iter_mut().rev().take(listed).find(|episode| episode.is_over && !episode.is_judged)
+    }
+
     /// Adds a part. One that continues an episode whose start is unknown is dropped.
     pub(super) fn add(&mut self, part: EpisodePart) {
         let now = Instant::now();
@@ -60,7 +70,9 @@ impl Episodes {
             let EpisodePart { number, actions, is_over, .. } = part;
             // A number that is not new is a mistake of the pool; the order of numbers must hold.
             if self.newest().is_none_or(|newest| newest.number < number) {
-                let episode = Episode { number, start, actions, is_over, began: now, newest: now };
+                let (began, newest, result) = (now, now, None);
+                let episode =
+                    Episode { number, start, actions, is_over, result, is_judged: false, began, newest };
                 self.bytes += episode.bytes();
                 self.all.push_back(episode);
             }

@@ -8,9 +8,13 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use smaclite_ipc::{Follower, RuntimeDir};
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 /// Episodes in the list that a page gets.
 const LISTED: usize = 40;
+
+/// For how long a page waits, per list, for episodes that are played to learn how they ended.
+const JUDGING: Duration = Duration::from_millis(20);
 
 /// Steps in one response: four seconds at the highest speed of the page.
 const STEPS_PER_RESPONSE: usize = 128;
@@ -59,8 +63,29 @@ impl Follow {
         Ok(is_new)
     }
 
+    /// Plays episodes that are over to their ends, the newest first: the log has no results. Those that do
+    /// not fit the time are left to the next list.
+    fn judge(&mut self) {
+        let end = Instant::now() + JUDGING;
+        while let Some(episode) = self.episodes.unjudged(LISTED) {
+            episode.is_judged = true;
+            let Battles { scenario, arena, .. } = &*self.battles;
+            let steps = episode.actions.len() / arena.sizes().n_actors();
+            // One that cannot be played says why when it is opened.
+            episode.result =
+                Simulation::new(scenario, arena, &episode.start).ok().and_then(|mut simulation| {
+                    simulation.play_to(steps, &episode.actions).ok()?;
+                    simulation.result()
+                });
+            if Instant::now() > end {
+                break;
+            }
+        }
+    }
+
     /// The newest episodes, and the one that is shown.
-    pub(super) fn list(&self) -> Vec<EpisodeInfo> {
+    pub(super) fn list(&mut self) -> Vec<EpisodeInfo> {
+        self.judge();
         let n_actors = self.battles.arena.sizes().n_actors();
         let shown = self.shown.as_ref().map(|(number, _)| *number);
         let row = |(i, episode): (usize, &Episode)| {
@@ -69,6 +94,7 @@ impl Follow {
                 steps: episode.actions.len() / n_actors,
                 first_step: episode.start.episode_length,
                 is_over: episode.is_over,
+                result: episode.result,
                 began_s: episode.began.elapsed().as_secs_f64(),
                 newest_s: episode.newest.elapsed().as_secs_f64(),
             })

@@ -2,7 +2,7 @@
 // SMACLITE_WRITE=1 cargo test protocol
 import type { AgentOrder, EpisodeResult, Features, Order, ScenarioInfo, TypeInfo } from "#view/data.d.ts";
 
-export type Version = 4;
+export type Version = 5;
 type UnitFile = { name: string; keys: string[]; text: string };
 export type ScenarioFiles = { source: string; text: string; unit_files: UnitFile[] };
 export type Problem = {
@@ -204,7 +204,15 @@ lanes: Array<string>,
  * The one that the page shows.
  */
 lane: LaneState | null, };
-export type LaneState = { learner_pid: number | null, spectators: number, steps_per_s: number, queue_wait_us: number, stats: LaneStats, failure: string | null, };
+export type LaneState = { learner_pid: number | null, 
+/**
+ * If each side has a learner, that of the enemies; `learner_pid` is that of the allies.
+ */
+enemy_learner_pid: number | null, 
+/**
+ * The side whose learner has not come, while that of the other side waits for it.
+ */
+missing_side: "allies" | "enemies" | null, spectators: number, steps_per_s: number, queue_wait_us: number, stats: LaneStats, failure: string | null, };
 export type Point = { 
 /**
  * Seconds since this program started.
@@ -219,6 +227,10 @@ export type EpisodeInfo = { number: number, steps: number,
  * The step of the battle with which the log of it begins.
  */
 first_step: number, is_over: boolean, 
+/**
+ * How it ended, if that is known yet.
+ */
+result: EpisodeResult | null, 
 /**
  * Seconds since its first and its newest step.
  */

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 use smaclite_pool::LaneStats;
+use smaclite_scenarios::Faction;
 use smaclite_view::EpisodeResult;
 use smaclite_view::page::{Features, ScenarioInfo};
 #[cfg(test)]
@@ -108,6 +109,11 @@ pub(crate) struct PoolInfo {
 #[cfg_attr(test, derive(TS))]
 pub(crate) struct LaneState {
     pub(in crate::web) learner_pid: Option<u32>,
+    /// If each side has a learner, that of the enemies; `learner_pid` is that of the allies.
+    pub(in crate::web) enemy_learner_pid: Option<u32>,
+    /// The side whose learner has not come, while that of the other side waits for it.
+    #[cfg_attr(test, ts(type = "\"allies\" | \"enemies\" | null"))]
+    pub(in crate::web) missing_side: Option<Faction>,
     pub(in crate::web) spectators: usize,
     pub(in crate::web) steps_per_s: f64,
     pub(in crate::web) queue_wait_us: f64,
@@ -143,6 +149,9 @@ pub(crate) struct EpisodeInfo {
     /// The step of the battle with which the log of it begins.
     pub(in crate::web) first_step: u32,
     pub(in crate::web) is_over: bool,
+    /// How it ended, if that is known yet.
+    #[cfg_attr(test, ts(type = "EpisodeResult | null"))]
+    pub(in crate::web) result: Option<EpisodeResult>,
     /// Seconds since its first and its newest step.
     pub(in crate::web) began_s: f64,
     pub(in crate::web) newest_s: f64,

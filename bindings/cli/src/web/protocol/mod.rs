@@ -21,7 +21,7 @@ use ts_rs::TS;
 
 /// The version of these messages. It changes with them, because a page can stay open while the program is
 /// replaced; such a page is told to be reloaded.
-pub(super) const VERSION: u32 = 4;
+pub(super) const VERSION: u32 = 5;
 
 #[derive(Debug, Deserialize)]
 #[cfg_attr(test, derive(TS))]

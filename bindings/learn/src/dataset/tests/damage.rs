@@ -39,7 +39,7 @@ fn damaged_files_are_errors_that_say_what_is_wrong() {
         ([&bytes[..], b"x"].concat(), "bytes follow"),
         (compressed(&text[..text.len() - 1]), "the file ends too early"),
         (compressed(&[&text[..], b"x"].concat()), "more actions follow"),
-        (compressed(b"{}"), "begin with a line"),
+        (compressed(b"{}"), "missing field `format`"),
         (with_head("smaclite-dataset", "smaclite-replay"), "`format` must be \"smaclite-dataset\""),
         (with_head("\"version\":1", "\"version\":2"), "`version` must be 1, got 2"),
         (

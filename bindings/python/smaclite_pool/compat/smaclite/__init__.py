@@ -70,7 +70,8 @@ class SMACliteEnv(BattleEnv):
         super().__init__(
             scenario if map_file is None else None,  # as the published package, whose ids set a scenario, too
             map_file=map_file,
-            seed=seed,
+            # As the published environment, so that numpy.random.seed determines it.
+            seed=int(np.random.randint(2**31 - 1)) if seed is None else seed,
             episode_limit=limit,
             illegal_actions=illegal_actions,
             render_mode=render_mode,

@@ -21,9 +21,10 @@ PyMARL.
 """
 
 from ..._units import Unit
+from .details import Direction
 from .env import MultiAgentEnv, get_map_params
 from .unavailable import Unavailable
 
-__all__ = ["MultiAgentEnv", "StarCraft2Env", "Unavailable", "Unit", "get_map_params"]
+__all__ = ["Direction", "MultiAgentEnv", "StarCraft2Env", "Unavailable", "Unit", "get_map_params"]
 
 StarCraft2Env = MultiAgentEnv

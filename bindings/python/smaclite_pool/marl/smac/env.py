@@ -19,6 +19,7 @@ from ...errors import InvalidRequest
 from ...integrations._common import SingleBattle, TimeStep
 from .._replay import save_replay
 from .._rewards import changed_rewards
+from .details import Details
 from .heuristic import Heuristic
 from .queries import Queries
 from .unavailable import Unavailable
@@ -38,7 +39,7 @@ _FIXED: dict[str, tuple[tuple[object, ...], str]] = {
 __all__ = ["MultiAgentEnv", "check_fixed", "get_map_params"]
 
 
-class MultiAgentEnv(Queries):
+class MultiAgentEnv(Queries, Details):
     """One battle with SMAC's interface, with all options of SMAC under their names and defaults.
 
     Args:
@@ -116,7 +117,7 @@ class MultiAgentEnv(Queries):
         heuristic_rest: bool = False,
         debug: bool = False,
         *,
-        rules: Literal["smaclite", "paper"] = "smaclite",
+        rules: Literal["smaclite", "paper", "starcraft", "starcraft-1"] = "smaclite",
         opponent: str | Mapping[str, float] = "attack_move",
         episode_limit: int | Literal["default"] | None = "default",
         render_speed: float | None = 1.0,
@@ -129,6 +130,20 @@ class MultiAgentEnv(Queries):
                 "heuristic_rest=True restricts it to available ones"
             )
         self.map_name = str(map_name)
+        # As SMAC's attributes of these names.
+        self._options = {
+            "difficulty": difficulty,
+            "game_version": game_version,
+            "obs_all_health": obs_all_health,
+            "obs_own_health": obs_own_health,
+            "obs_last_action": obs_last_action,
+            "obs_pathing_grid": obs_pathing_grid,
+            "obs_terrain_height": obs_terrain_height,
+            "obs_instead_of_state": obs_instead_of_state,
+            "obs_timestep_number": obs_timestep_number,
+            "state_last_action": state_last_action,
+            "state_timestep_number": state_timestep_number,
+        }
         self._views = Views(
             map_name,
             ViewOptions(
@@ -153,6 +168,7 @@ class MultiAgentEnv(Queries):
             "reward_scale": reward_scale,
             "reward_scale_rate": reward_scale_rate,
         }
+        self._options |= rewards
         self.continuing_episode = continuing_episode
         self.heuristic_ai, self.heuristic_rest, self.debug = heuristic_ai, heuristic_rest, debug
         self._heuristic = Heuristic(self._views.layout)
@@ -267,6 +283,9 @@ class MultiAgentEnv(Queries):
         InvalidRequest before the first step.
         """
         return save_replay(self._recorder, self.replay_dir, self.replay_prefix or Path(self.map_name).stem)
+
+    def __repr__(self) -> str:
+        return self._battle.description(self)
 
     def close(self) -> None:
         """End the pool and close the window. Calling it again has no effect."""

@@ -128,6 +128,7 @@ class StarCraft2Env(Queries):
         self._seed = secrets.randbits(32) if seed is None else int(seed)
         self._battle = CapabilityBattle(self._scenario, self._seed)
         self._next_seed: int | None = None
+        self._last_actions: list[int] | None = None
         self._set_constants()
         self._names = FeatureNames(self._scenario, self.n_actions)
         self.battles_won = self.battles_game = self.timeouts = self.force_restarts = 0
@@ -159,7 +160,7 @@ class StarCraft2Env(Queries):
             if value != DRAWN_BY_THE_BATTLE:
                 raise Unavailable(f"{name} cannot be given: the battle draws it, from its seed")
         self._battle.reset(self._next_seed)
-        self._next_seed = None
+        self._next_seed = self._last_actions = None
         self._has_begun, self._has_ended, self._has_been_seen = True, False, False
         self._before = self._battle.units()
         return self.get_obs(), self.get_state()
@@ -179,7 +180,7 @@ class StarCraft2Env(Queries):
         chosen = self._chosen(actions)
         self._before = self._battle.units()
         reward, is_over, found = self._battle.step(chosen)
-        self._has_been_seen = False
+        self._has_been_seen, self._last_actions = False, chosen
         info = dict(found)
         at_limit = bool(info.pop("episode_limit", False))
         self._has_ended = is_over or at_limit
@@ -265,6 +266,10 @@ class StarCraft2Env(Queries):
     def full_restart(self) -> NoReturn:
         """Not offered: raises Unavailable."""
         raise Unavailable("full_restart is not offered: StarCraft II is not used; call reset")
+
+    def __repr__(self) -> str:
+        teams = f"{self.n_agents} agents against {self.n_enemies}"
+        return f"<{type(self).__name__} {self.map_name}, {teams}, seed {self._seed}>"
 
     def close(self) -> None:
         """End the battle and close the window. Calling it again has no effect."""

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..._layout import Bools, Floats
-from ..._native import CapabilityBattle
+from ..._native import NORTH, CapabilityBattle
+from ...errors import InvalidRequest
+from ..smac.details import Direction
 from .base import MultiAgentEnv
 from .names import FeatureNames
 from .units import LEARNER_IDS, Unit, all_units
@@ -32,6 +34,7 @@ class Queries(MultiAgentEnv):
     _options: dict[str, Any]
     _has_begun: bool
     _before: dict[str, NDArray[Any]]
+    _last_actions: list[int] | None
 
     baneling_id = LEARNER_IDS["BANELING"]
     colossus_id = LEARNER_IDS["COLOSSUS"]
@@ -42,6 +45,12 @@ class Queries(MultiAgentEnv):
     stalker_id = LEARNER_IDS["STALKER"]
     zealot_id = LEARNER_IDS["ZEALOT"]
     zergling_id = LEARNER_IDS["ZERGLING"]
+
+    def __getattr__(self, name: str) -> Any:
+        """The options of SMACv2 by their names, such as `obs_own_pos`."""
+        if name.startswith("_") or name not in self._options:
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+        return self._options[name]
 
     # --- State, actions, capabilities ---
 
@@ -210,6 +219,35 @@ class Queries(MultiAgentEnv):
         """The `unit_type` of each ally, then of each enemy; empty before the first reset."""
         allies, enemies = self._sides(self._now())
         return [unit.unit_type for unit in [*allies.values(), *enemies.values()]]
+
+    @property
+    def last_action(self) -> NDArray[np.float64]:
+        """float64 [A, N]: the last action of each agent, one-hot; zeros after a reset."""
+        chosen = np.zeros((self.n_agents, self.n_actions))
+        if self._last_actions is not None:
+            chosen[range(self.n_agents), self._last_actions] = 1
+        return chosen
+
+    @property
+    def death_tracker_ally(self) -> NDArray[np.float64]:
+        """float64 [A]: 1 for agents that died in this episode, else 0."""
+        dead = [unit.health == 0 for unit in self.agents.values()] or [False] * self.n_agents
+        return np.array(dead, np.float64)
+
+    @property
+    def death_tracker_enemy(self) -> NDArray[np.float64]:
+        """float64 [E]: 1 for enemies that died in this episode, else 0."""
+        dead = [unit.health == 0 for unit in self.enemies.values()] or [False] * self.n_enemies
+        return np.array(dead, np.float64)
+
+    def can_move(self, unit: Unit, direction: int) -> bool:
+        """Whether a unit of an agent can move to the north (0), south (1), east (2) or west (3).
+
+        Raises InvalidRequest for an enemy.
+        """
+        if unit.owner != 1:
+            raise InvalidRequest("can_move needs a unit of an agent; the battle moves enemies")
+        return bool(self.get_avail_agent_actions(unit.tag)[NORTH + Direction(direction)])
 
     @property
     def max_reward(self) -> float:

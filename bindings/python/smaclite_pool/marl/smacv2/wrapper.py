@@ -112,6 +112,9 @@ class StarCraftCapabilityEnvWrapper(MultiAgentEnv):
         """As `StarCraft2Env.save_replay`."""
         return self.env.save_replay()
 
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__} of {self.env!r}>"
+
     def close(self) -> None:
         """As `StarCraft2Env.close`."""
         self.env.close()

@@ -105,7 +105,9 @@ impl Tree {
         units: Range<usize>,
         Corners { low, high }: Corners,
     ) -> usize {
-        let (sides, middle) = (high - low, 0.5 * (high + low));
+        // The sum of two great coordinates is infinite. The line is not beyond the greatest one, so that the
+        // upper half has a unit: a lower half of all units would be divided without end.
+        let (sides, middle) = (high - low, (0.5 * (high + low)).min(high));
         let (column, line) =
             if sides.x > sides.y { (&positions.x, middle.x) } else { (&positions.y, middle.y) };
         let line = F32s::splat(simd, line);
@@ -346,6 +348,23 @@ mod tests {
         let mut n_visited = 0;
         tree.find(&columns, Vec2::ONE, 1.0, |_, _| n_visited += 1);
         assert_eq!(n_visited, 50);
+    }
+
+    /// The sum of two coordinates was infinite here, so that no line divided the units, and the tree grew
+    /// until memory was used up.
+    #[test]
+    fn units_at_the_greatest_numbers_fit() {
+        let mut random = Pcg64Mcg::seed_from_u64(3);
+        for scale in [f32::MAX, 3.0e38, f32::MIN_POSITIVE, f32::from_bits(1)] {
+            for (low, high) in [(-1.0, 1.0), (0.9, 1.0), (-1.0, -0.9), (1.0, 1.0)] {
+                let mut coordinate = || random.random_range(low..=high) * scale;
+                let positions: Vec<Vec2> = (0..200).map(|_| Vec2::new(coordinate(), coordinate())).collect();
+                let (tree, _, mut list) = build(&positions);
+                assert!(tree.nodes.len() < 2 * positions.len(), "{} nodes", tree.nodes.len());
+                list.sort_unstable();
+                assert!(list.into_iter().eq(0..200));
+            }
+        }
     }
 
     #[test]

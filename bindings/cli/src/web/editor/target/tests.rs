@@ -160,7 +160,7 @@ fn what_is_edited_is_a_file_or_a_standard_scenario() {
     let error = |name: &str| Start::of(name).err().unwrap().to_string();
     assert!(error("2s3y").contains("neither a standard scenario"), "{}", error("2s3y"));
     assert!(error("/nowhere/s.json").starts_with("/nowhere: "), "{}", error("/nowhere/s.json"));
-    assert!(error("/proc").contains("it is not a regular file"), "{}", error("/proc"));
+    assert!(error("/proc").contains("it is a folder, not a file"), "{}", error("/proc"));
     let standard = Start::of("2s3z").unwrap();
     assert_eq!(standard.open().unwrap().files.source, "2s3z.json");
     let error = standard.save(SaveFiles { files: opened(&standard), replace: true }).unwrap_err();

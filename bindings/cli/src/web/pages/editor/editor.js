@@ -115,6 +115,7 @@ export class EditorPage {
   /** Only the map changed: while it is drawn on. */
   showMap() {
     this.map.update(this.doc, this.layout);
+    this.showPointer(); // the square may be another one now
     this.redraw();
   }
 
@@ -154,9 +155,10 @@ export class EditorPage {
     byId("stale").textContent = `${stemOf(state.source)}.json is no valid JSON: ${consequence}.`;
   }
 
-  /** @param {{ square: number[] }} point */
-  showPointer({ square: [x, y] }) {
-    const { width, height, blocked } = this.doc.map();
+  /** Says what the square under the pointer is, or the one at which keys draw. */
+  showPointer() {
+    const { width, height, blocked } = this.map.draft ?? this.doc.map(),
+      [x, y] = this.map.square ?? [-1, -1];
     const isInside = x >= 0 && y >= 0 && x < width && y < height;
     const kind = isInside && blocked[y * width + x] ? "blocked" : "walkable";
     byId("pointer").textContent = isInside ? `square ${x}, ${y} \u00b7 ${kind}` : "";

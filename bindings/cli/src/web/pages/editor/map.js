@@ -138,6 +138,7 @@ export class MapEditor extends BattleView {
     canvas.addEventListener("pointerleave", () => {
       this.hovered = -1;
       this.square = null;
+      this.page.showPointer();
       this.page.redraw();
     });
     canvas.addEventListener("contextmenu", (event) => event.preventDefault());
@@ -256,9 +257,9 @@ export class MapEditor extends BattleView {
   moved(event) {
     const at = this.point(event);
     this.square = at.square;
-    this.page.showPointer(at);
     if (this.drag) this.dragged(this.drag, at, event);
     else this.hover(this.local(event));
+    this.page.showPointer();
   }
 
   /** @param {Point} here */
@@ -358,7 +359,7 @@ export class MapEditor extends BattleView {
    */
   moveSquare(direction, by) {
     this.square = squareFrom(this.square, direction, by, this.info);
-    this.page.showPointer({ square: this.square });
+    this.page.showPointer();
     this.page.redraw();
   }
 

@@ -2,6 +2,7 @@
 // Checker: requests what is wrong with the files, and shows it in the list, the fields and the tabs.
 
 import { all, byId, make } from "#view/dom.js";
+import { counted } from "#view/numbers.js";
 import { messageOf } from "../connection.js";
 import { isNumber, stemOf } from "./document.js";
 import { button, fieldKey } from "./fields.js";
@@ -61,13 +62,6 @@ export class Layout {
     return same?.units ? { ...same, units: same.units } : null;
   }
 }
-
-/**
- * As in "2 problems".
- * @param {number} n
- * @param {string} word
- */
-const counted = (n, word) => `${n} ${word}${n > 1 ? "s" : ""}`;
 
 export class Checker {
   /** @param {EditorPage} page */

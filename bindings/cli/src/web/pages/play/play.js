@@ -3,7 +3,8 @@
 
 import { titleCase } from "#view/battle.js";
 import { Commander } from "#view/commander.js";
-import { byId, download, make } from "#view/dom.js";
+import { byId, download, isTouch, make } from "#view/dom.js";
+import { counted } from "#view/numbers.js";
 import { RESULTS } from "#view/player.js";
 import { theme } from "#view/theme.js";
 import { Track, bytesOf } from "#view/track.js";
@@ -60,7 +61,7 @@ class PlayPage extends Commander {
 
   start() {
     byId("name").textContent = this.info.name;
-    byId("guide").textContent = GUIDES[matchMedia("(pointer: coarse)").matches ? "touch" : "mouse"];
+    byId("guide").textContent = GUIDES[isTouch() ? "touch" : "mouse"];
     this.listen();
     /** @param {number} now */
     const frame = (now) => {
@@ -232,7 +233,7 @@ class PlayPage extends Commander {
     card.className = `card ${outcome}`;
     card.querySelector("h2").textContent = RESULTS[outcome];
     card.querySelector("p").textContent =
-      `Return ${this.episodeReturn.toFixed(2)} in ${this.steps} steps. ` +
+      `Return ${this.episodeReturn.toFixed(2)} in ${counted(this.steps, "step")}. ` +
       `You lost ${lost[0]} of ${living[0][0]} units, the enemies ${lost[1]} of ${living[1][0]}.`;
     card.hidden = false;
   }

@@ -3,7 +3,7 @@
 
 import { titleCase } from "#view/battle.js";
 import { byId, download, make } from "#view/dom.js";
-import { clamp } from "#view/numbers.js";
+import { clamp, counted } from "#view/numbers.js";
 import { ObservationCard } from "#view/observation.js";
 import { BattlePlayer, RESULTS } from "#view/player.js";
 import { Track, bytesOf } from "#view/track.js";
@@ -328,11 +328,13 @@ export class FollowPlayer extends BattlePlayer {
 
   listEpisodes() {
     /** @param {EpisodeInfo} episode */
-    const row = ({ number, steps, is_over, newest_s }) => {
-      const known = this.tracks.get(number)?.result,
+    const row = ({ number, steps, is_over, result: ended, newest_s }) => {
+      // One that was reset before its end has a newer one after it.
+      const isRunning = !is_over && number === this.listed[0].number,
+        known = ended ?? this.tracks.get(number)?.result ?? (is_over || isRunning ? null : "unfinished"),
         result = known ?? (is_over ? "over" : "running");
-      const cells = [String(number), known ? RESULTS[known] : titleCase(result), `${steps} steps`];
-      cells.push(is_over ? `${seconds(newest_s)} ago` : "now");
+      const cells = [String(number), known ? RESULTS[known] : titleCase(result), counted(steps, "step")];
+      cells.push(isRunning ? "now" : `${seconds(newest_s)} ago`);
       const button = make(
         "button",
         { type: "button", "aria-current": String(number === this.number) },

@@ -44,6 +44,24 @@ class CellTrack extends Track {
   }
 }
 
+/** A battle in a cell. Its units are drawn larger than they are, so those at the edge stay within the map. */
+class CellView extends BattleView {
+  /** @param {number} time */
+  draw(time) {
+    this.context.save();
+    super.draw(time);
+    this.context.restore();
+  }
+
+  drawGround() {
+    const { context, info } = this,
+      { x, y } = this.toCanvas(0, info.height);
+    context.beginPath();
+    context.rect(x, y, info.width * this.scale, info.height * this.scale);
+    context.clip();
+  }
+}
+
 class Cell {
   /**
    * @param {number} env
@@ -61,7 +79,7 @@ class Cell {
       make("span", { className: "row" }, [this.dot, make("b", {}, String(env)), this.label, this.score]),
     ]);
     this.button.addEventListener("click", () => follow(env));
-    this.view = new BattleView(this.canvas, info);
+    this.view = new CellView(this.canvas, info);
     this.view.track = this.track = new CellTrack(info);
     this.length = -1;
     this.arrived = 0;

@@ -2,6 +2,7 @@
 // The page of a running pool: the grid of a lane's battles with its panel, or one battle that is followed.
 
 import { byId, make } from "#view/dom.js";
+import { counted } from "#view/numbers.js";
 import { theme } from "#view/theme.js";
 import { Connection, ConnectionLost, messageOf } from "../connection.js";
 import { FollowPlayer, seconds } from "./follow.js";
@@ -125,7 +126,7 @@ class WatchPage {
     const player = this.playerOf(event);
     player.features = event.features;
     byId("lane-facts").textContent =
-      `${event.num_envs} battles of ${event.scenario.name}, ${event.rules} rules`;
+      `${counted(event.num_envs, "battle")} of ${event.scenario.name}, ${event.rules} rules`;
     const notice = event.no_grid ?? (event.has_state ? "" : NO_STATES);
     byId("grid-notice").textContent = notice;
     byId("grid-notice").hidden = !notice;
@@ -230,15 +231,20 @@ class WatchPage {
     this.listLanes(lanes);
     if (!lane) return this.state("No lane", "lost", `The pool has no lane \`${this.lane}\` any more.`);
     this.showFacts(lane, { pid, threads, uptime_s });
-    if (lane.failure) this.state("Failed", "lost", `The lane failed: ${lane.failure}`);
-    else if (!lane.learner_pid) this.state("No learner", "idle", "No learner is attached, so nothing moves.");
-    else if (lane.steps_per_s === 0)
+    const { failure, learner_pid, enemy_learner_pid, missing_side } = lane;
+    if (failure) this.state("Failed", "lost", `The lane failed: ${failure}`);
+    else if (!learner_pid && !enemy_learner_pid)
+      this.state("No learner", "idle", "No learner is attached, so nothing moves.");
+    else if (missing_side)
       this.state(
-        "Idle",
+        "Waiting",
         "idle",
-        `The learner, process ${lane.learner_pid}, has made no step in the last second.`,
+        `The learner of the ${missing_side} is missing; the other one waits for it.`,
       );
-    else this.state("Live", "won");
+    else if (lane.steps_per_s === 0) {
+      const who = enemy_learner_pid ? "Learners" : `The learner, process ${learner_pid},`;
+      this.state("Idle", "idle", `${who} made no step in the last second.`);
+    } else this.state("Live", "won");
   }
 
   /**
@@ -246,10 +252,9 @@ class WatchPage {
    * @param {{ pid: number, threads: number, uptime_s: number }} pool
    */
   showFacts(lane, { pid, threads, uptime_s }) {
-    const learner = lane.learner_pid ? `process ${lane.learner_pid}` : "none";
     const facts = {
-      learner,
-      supervisor: `process ${pid}, ${threads} thread${threads === 1 ? "" : "s"}`,
+      ...learners(lane),
+      supervisor: `process ${pid}, ${counted(threads, "thread")}`,
       "running for": seconds(uptime_s),
       steps: compact(lane.stats.steps),
       episodes: compact(lane.stats.episodes),
@@ -314,6 +319,17 @@ class WatchPage {
     }
     if (command || this.env < 0) event.stopImmediatePropagation();
   }
+}
+
+/**
+ * The processes that learn, under their names in the list of facts.
+ * @param {LaneState} lane
+ * @returns {{ [name: string]: string }}
+ */
+function learners({ learner_pid, enemy_learner_pid, missing_side }) {
+  const process = (/** @type {number | null} */ pid) => (pid ? `process ${pid}` : "none");
+  if (!enemy_learner_pid && !missing_side) return { learner: process(learner_pid) };
+  return { "learner, allies": process(learner_pid), "learner, enemies": process(enemy_learner_pid) };
 }
 
 theme.start();

@@ -1,5 +1,5 @@
 """The module of the environment in the published package."""
 
-from smaclite_pool.marl.smac import MultiAgentEnv, StarCraft2Env
+from smaclite_pool.marl.smac import Direction, MultiAgentEnv, StarCraft2Env
 
-__all__ = ["MultiAgentEnv", "StarCraft2Env"]
+__all__ = ["Direction", "MultiAgentEnv", "StarCraft2Env"]

@@ -1,0 +1,43 @@
+//! Teams of the zoo where the folder of a run is expected: refused, or written as one.
+
+use crate::tensors::{FileError, write};
+use crate::zoo::{PREFIX, folder, zoo_file, zoo_scenarios};
+use std::path::{Path, PathBuf};
+
+/// Refuses a team of the zoo where more than its weights is needed.
+pub(crate) fn refuse(folder: &Path, missing: &'static str) -> Result<(), FileError> {
+    match folder.to_str().is_some_and(|name| name.starts_with(PREFIX)) && !folder.is_dir() {
+        true => Err(FileError::OfZoo { folder: folder.to_owned(), missing }),
+        false => Ok(()),
+    }
+}
+
+/// Writes the files of a team of the zoo, called by its scenario, to a folder, which must not hold a run.
+///
+/// # Errors
+/// If there is no such team, or the folder holds a run or cannot be written.
+pub fn export_zoo_team(scenario: &str, to: &Path) -> Result<(), ExportError> {
+    let name = scenario.strip_prefix(PREFIX).unwrap_or(scenario);
+    if !zoo_scenarios().any(|team| team == name) {
+        return Err(FileError::NotInZoo { name: name.to_owned() }.into());
+    }
+    if to.join("run.json").exists() {
+        return Err(ExportError::HoldsRun { folder: to.to_owned() });
+    }
+    std::fs::create_dir_all(to).map_err(|source| FileError::Write { path: to.to_owned(), source })?;
+    // The description last: a folder without it is not a run.
+    for file in ["best.safetensors", "card.json", "run.json"] {
+        write(&to.join(file), zoo_file(&folder(name).join(file)).unwrap_or_default())?;
+    }
+    Ok(())
+}
+
+/// Why a team of the zoo cannot be exported.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // the messages say it
+pub enum ExportError {
+    #[error("`{}` already holds a run; export to another folder", folder.display())]
+    HoldsRun { folder: PathBuf },
+    #[error(transparent)]
+    File(#[from] FileError),
+}

@@ -1,0 +1,98 @@
+//! What the methods of `Envs` send and receive: their arguments as requests, and batches.
+
+use super::Envs;
+use crate::batch::Batch;
+use crate::convert::{self, Actions, Int32Array, env_ids, require_envs, selected_envs};
+use crate::errors::{client_error, invalid_request};
+use crate::wait::wait_detached;
+use pyo3::prelude::*;
+use smaclite_ipc::{Actions as _, Client, ClientError, WaitOptions};
+use smaclite_pool::fields::Field;
+use std::time::Duration;
+
+impl Envs {
+    /// The number of environments in a request.
+    pub(super) fn request_size(&self, ids: Option<&Int32Array<'_>>) -> usize {
+        ids.map_or(self.description.settings.num_envs, Int32Array::len)
+    }
+
+    /// Converts the argument `levels` of a reset of these environments.
+    fn levels(&self, levels: &Bound<'_, PyAny>, ids: Option<&[i32]>) -> PyResult<Vec<f32>> {
+        if self.side.is_some() {
+            return Err(client_error(ClientError::OneSide));
+        }
+        if self.layout.level_len() == 0 {
+            return Err(client_error(ClientError::NoLevels));
+        }
+        let num_envs = ids.map_or(self.description.settings.num_envs, <[i32]>::len);
+        let [n_units, n_columns] = [1, 2].map(|axis| self.layout.shape(Field::Level)[axis]);
+        convert::levels(levels, &[num_envs, n_units, n_columns].map(Some))
+    }
+
+    /// Converts the arguments of `reset` and `async_reset`.
+    pub(super) fn reset_arguments(
+        &self,
+        mask: Option<&Bound<'_, PyAny>>,
+        env_id: Option<&Bound<'_, PyAny>>,
+        levels: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<ResetArguments> {
+        let ids = match (mask, env_id) {
+            (Some(_), Some(_)) => {
+                return Err(invalid_request("mask and env_id cannot be combined; pass only one of them"));
+            }
+            (Some(mask), None) => Some(selected_envs(mask, self.description.settings.num_envs)?),
+            (None, ids) => match env_ids(ids)? {
+                Some(ids) => Some(require_envs("env_id", ids.as_slice()?.to_vec())?),
+                None => None,
+            },
+        };
+        let levels = levels.map(|levels| self.levels(levels, ids.as_deref())).transpose()?;
+        Ok(ResetArguments { ids, levels })
+    }
+
+    /// Converts the arguments of `step` and `send`.
+    pub(super) fn step_arguments<'py>(
+        &self,
+        actions: &Bound<'py, PyAny>,
+        env_id: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<(Actions<'py>, Option<Int32Array<'py>>)> {
+        let ids = env_ids(env_id)?;
+        if let Some(ids) = &ids {
+            require_envs("env_id", ids.as_slice()?)?;
+        }
+        let n_envs = self.request_size(ids.as_ref());
+        let actions = convert::actions(actions, n_envs, self.description.sizes.n_actors())?;
+        Ok((actions, ids))
+    }
+}
+
+/// Which environments `reset` and `async_reset` begin anew, and where.
+pub(super) struct ResetArguments {
+    pub(super) ids: Option<Vec<i32>>,
+    pub(super) levels: Option<Vec<f32>>,
+}
+
+/// Writes actions straight into shared memory and sends them, without a wait if the pool reads its requests.
+/// The learner's thread then has a worker's place in an embedded pool until the next wait ends.
+pub(super) fn begin_step(
+    py: Python<'_>,
+    client: &mut Client,
+    mut actions: Actions<'_>,
+    ids: Option<&[i32]>,
+) -> PyResult<()> {
+    let no_wait = WaitOptions { timeout: Some(Duration::ZERO), interrupted: &mut || false };
+    match client.begin_step(&mut actions, ids, no_wait) {
+        Err(ClientError::NotAccepted { .. }) => {
+            // The arrays must not be read while other Python code runs.
+            let mut copy = vec![0; actions.count()];
+            actions.write_to(&mut copy);
+            let ids = ids.map(<[i32]>::to_vec);
+            wait_detached(py, None, |wait| client.begin_step(&mut copy.as_slice(), ids.as_deref(), wait))
+        }
+        sent => sent.map_err(client_error),
+    }
+}
+
+pub(super) fn receive(py: Python<'_>, client: &mut Client, timeout: Option<Duration>) -> PyResult<Batch> {
+    wait_detached(py, timeout, |wait| client.recv(wait)).map(Batch::new)
+}

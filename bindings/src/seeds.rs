@@ -1,0 +1,121 @@
+//! Seeds of a reset: none, one for all environments, or one per environment.
+
+use crate::batch::Batch;
+use crate::convert::{IntArg, to_unsigned};
+use crate::errors::invalid_request;
+use crate::wait::wait_detached;
+use pyo3::prelude::*;
+use pyo3::types::PyString;
+use smaclite_ipc::Client;
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+/// Random bits of a seed that was not given: a double has them all, and so has JSON.
+const SEED_BITS: u32 = 53;
+
+/// How environments are seeded.
+pub enum Seeds {
+    /// Environment i with the seed + i; with `None`, its generator continues.
+    From(Option<u64>),
+    /// One per environment of the request, in its order.
+    Each(Vec<Option<u64>>),
+}
+
+/// A random seed. Python's source and not one of Rust: a forked child would repeat the state of its parent.
+pub fn random_seed(py: Python<'_>) -> PyResult<u64> {
+    py.import("secrets")?.call_method1("randbits", (SEED_BITS,))?.extract()
+}
+
+impl Seeds {
+    /// Of an integer, a sequence of `n_envs` integers or `None`s, or nothing.
+    pub fn new(arg: Option<&Bound<'_, PyAny>>, n_envs: usize) -> PyResult<Seeds> {
+        let Some(arg) = arg else { return Ok(Seeds::From(None)) };
+        let given = match arg.extract::<IntArg>()? {
+            IntArg::Other(_) if !arg.is_instance_of::<PyString>() && arg.try_iter().is_ok() => {
+                arg.try_iter()?
+            }
+            seed => return Ok(Seeds::From(Some(to_unsigned("seed", seed)?))),
+        };
+        let mut seeds = Vec::with_capacity(n_envs);
+        for seed in given {
+            let seed = seed?.extract::<Option<IntArg>>()?;
+            let name = format!("seed[{}]", seeds.len());
+            seeds.push(seed.map(|seed| to_unsigned(&name, seed)).transpose()?);
+        }
+        if seeds.len() != n_envs {
+            let got = seeds.len();
+            return Err(invalid_request(format!(
+                "seed must be an integer, or have one per environment that is reset, {n_envs}; got {got}"
+            )));
+        }
+        Ok(Seeds::Each(seeds))
+    }
+
+    /// Resets all environments or those of `ids`, to levels if there are any.
+    ///
+    /// A request has one seed, and environment i gets that seed + i. Seeds that are not such a sequence take
+    /// a request per sequence in them: at most one per environment, at least one for `[7, 8, 9]`.
+    pub fn reset(
+        self,
+        py: Python<'_>,
+        client: &mut Client,
+        ids: Option<&[i32]>,
+        levels: Option<&[f32]>,
+        timeout: Option<Duration>,
+    ) -> PyResult<Batch> {
+        let deadline = timeout.and_then(|timeout| Instant::now().checked_add(timeout));
+        let is_synchronous = client.description().settings.is_synchronous();
+        let mut request = |seed: Option<u64>, ids: Option<&[i32]>, levels: Option<&[f32]>| {
+            let left = deadline.map(|deadline| deadline.saturating_duration_since(Instant::now()));
+            wait_detached(py, left, |wait| match levels {
+                None => client.reset(seed, ids, wait),
+                Some(levels) => client.reset_to(levels, seed, ids, wait),
+            })
+        };
+        let seeds = match self {
+            Seeds::From(seed) => return request(seed, ids, levels).map(Batch::new),
+            Seeds::Each(seeds) => seeds,
+        };
+        let groups = groups(&seeds, ids);
+        if groups.len() > 1 && !is_synchronous {
+            return Err(invalid_request(
+                "seed must be an integer or consecutive integers where batches have fewer environments than \
+                 the lane; reset environments one by one by `env_id`, each to its seed less its id",
+            ));
+        }
+        let mut newest = None;
+        for (base, places) in groups {
+            // The first reset of a lane must be of all environments; those of other groups follow.
+            if newest.is_none() && ids.is_none() {
+                newest = Some(request(base, None, levels)?);
+                continue;
+            }
+            let of_group: Vec<i32> = places.iter().map(|place| id_of(ids, *place)).collect();
+            let levels = levels.map(|levels| rows(levels, seeds.len(), &places));
+            newest = Some(request(base, Some(&of_group), levels.as_deref())?);
+        }
+        newest.map(Batch::new).ok_or_else(|| invalid_request("seed must have at least one integer, got none"))
+    }
+}
+
+/// The places in the request by the seed less the id of the environment. Those without a seed come first: a
+/// reset of all environments then leaves the generators of these as they are.
+fn groups(seeds: &[Option<u64>], ids: Option<&[i32]>) -> BTreeMap<Option<u64>, Vec<usize>> {
+    let mut groups = BTreeMap::<Option<u64>, Vec<usize>>::new();
+    for (place, seed) in seeds.iter().enumerate() {
+        // Modulo 2^64, as the pool adds.
+        let base = seed.map(|seed| seed.wrapping_sub(id_of(ids, place) as u64));
+        groups.entry(base).or_default().push(place);
+    }
+    groups
+}
+
+fn id_of(ids: Option<&[i32]>, place: usize) -> i32 {
+    ids.map_or(place as i32, |ids| ids[place])
+}
+
+/// The levels at some of `count` places.
+fn rows(levels: &[f32], count: usize, places: &[usize]) -> Vec<f32> {
+    let size = levels.len() / count;
+    places.iter().flat_map(|place| &levels[place * size..][..size]).copied().collect()
+}

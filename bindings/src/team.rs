@@ -1,0 +1,50 @@
+//! Trained teams: `smaclite_pool.load_team` reads their files through the code of the program.
+
+use crate::convert::to_dict;
+use crate::errors::{invalid_request, shown};
+use crate::wait::run_on_thread;
+use numpy::PyArray1;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use smaclite_engine::{BattleSetup, EpisodeLimit, Opponents, Rules};
+use smaclite_learn::{TeamTensor, TrainedTeam, Weights};
+use std::path::PathBuf;
+
+/// What Python needs of a run besides its configuration.
+#[derive(serde::Serialize)]
+struct Description<'a> {
+    scenario: &'a str,
+    rules: Rules,
+    episode_limit: EpisodeLimit,
+    opponent: &'a Opponents,
+}
+
+/// The run in a folder, or a team of the zoo as `zoo:3m`: a dict of `config`, `scenario`, `rules`,
+/// `episode_limit`, `opponent`, and `tensors`, float32 arrays by name. `weights` are "best" or "last"; None
+/// for those that the program takes.
+///
+/// Raises:
+///     InvalidRequest: there is no such team, or its files are damaged.
+#[pyfunction]
+#[pyo3(signature = (folder, weights=None))]
+pub fn read_team<'py>(
+    py: Python<'py>,
+    folder: PathBuf,
+    weights: Option<&str>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let weights = weights.map(str::parse::<Weights>).transpose().map_err(invalid_request)?;
+    let read = run_on_thread(py, move |_| TrainedTeam::open_with(&folder, weights))?;
+    let team = read.map_err(|error| invalid_request(shown(&error)))?;
+    let run = team.run();
+    let BattleSetup { rules, episode_limit, opponents, .. } = &run.setup;
+    let (rules, episode_limit) = (*rules, *episode_limit);
+    let described =
+        to_dict(py, &Description { scenario: &run.name, rules, episode_limit, opponent: opponents })?;
+    described.set_item("config", to_dict(py, &run.config)?)?;
+    let tensors = PyDict::new(py);
+    for TeamTensor { name, shape, values } in team.tensors() {
+        tensors.set_item(name, PyArray1::from_vec(py, values).call_method1("reshape", (shape,))?)?;
+    }
+    described.set_item("tensors", tensors)?;
+    Ok(described)
+}

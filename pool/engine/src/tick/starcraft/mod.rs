@@ -1,0 +1,39 @@
+//! One tick under rules `starcraft`: attacks have phases, units keep to the figures of the game, and enemies
+//! look for targets only now and then.
+//!
+//! [`run`] lists the phases. All units decide from what the last tick left, and move at once; then hits in
+//! flight land, and units attack, both by ascending id: a unit that is killed before its turn attacks no
+//! more. What is random, the delays of attacks and when enemies first look, is drawn from the battle's
+//! generator.
+
+mod attack;
+mod choice;
+mod hits;
+mod walk;
+
+use super::{Earned, World, avoid, deaths};
+use crate::random::Generator;
+
+pub(crate) use choice::{LOOK_INTERVAL, first_look};
+pub(super) use walk::Standing;
+
+/// The greatest time that a projectile flies, in seconds: longer than any battle.
+pub(crate) const MAX_FLIGHT: f64 = 1e12;
+
+/// Plays one tick. Returns what it earns.
+pub(crate) fn run(world: &mut World, generator: &mut Generator) -> Earned {
+    choice::choose_targets(world);
+    walk::prefer(world);
+    avoid::plan_velocities(world);
+    walk::move_all(world);
+    let mut earned = Earned::default();
+    choice::remember(world);
+    hits::land(world, &mut earned);
+    attack::act(world, generator, &mut earned);
+    hits::explode_killed(world, &mut earned);
+    choice::alarm(world);
+    deaths::remove_dead(world);
+    world.scratch.exploded.clear();
+    world.scratch.is_first_tick = false;
+    earned
+}

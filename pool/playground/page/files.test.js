@@ -1,0 +1,78 @@
+// @ts-check
+// Which of the files that a person opens or drops are read, and as what.
+
+import assert from "node:assert/strict";
+import { test } from "node:test";
+import { openFiles, textOf } from "./files.js";
+
+const RUN = JSON.stringify({ config: { seed: 3 }, files: { text: '{"name": "keep"}' } });
+const SELF_PLAY = JSON.stringify({ config: { seed: 3, enemies: { self_play: {} } }, files: { text: "{}" } });
+
+/**
+ * What the page is told to open.
+ * @param {{ [path: string]: string }} files
+ */
+async function opened(files) {
+  /** @type {unknown[]} */
+  const calls = [];
+  const list = Object.entries(files).map(([path, text]) => ({
+    path,
+    file: new File([text], path.split("/").at(-1) ?? ""),
+  }));
+  /** @type {any} */
+  const openers = {
+    replay: async (/** @type {string} */ name) => calls.push(["replay", name]),
+    scenario: (/** @type {{ name: string }[]} */ texts) =>
+      calls.push(["scenario", ...texts.map(({ name }) => name)]),
+    team: (/** @type {string} */ name, /** @type {string} */ _, /** @type {Uint8Array} */ weights) =>
+      calls.push(["team", name, new TextDecoder().decode(weights)]),
+  };
+  await openFiles(list, openers);
+  return calls[0];
+}
+
+test("a run is a team with the weights that the program would play", async () => {
+  const weights = { "best.safetensors": "best", "weights.safetensors": "last" };
+  assert.deepEqual(await opened({ "run.json": RUN, ...weights }), ["team", "keep, seed 3", "best"]);
+  assert.deepEqual(await opened({ "run.json": SELF_PLAY, ...weights }), ["team", "team, seed 3", "last"]);
+  assert.deepEqual(await opened({ "run.json": RUN, "a.safetensors": "a" }), ["team", "keep, seed 3", "a"]);
+});
+
+test("of a folder that was dropped, what is in it is opened, not what is below", async () => {
+  const run = { "keep/run.json": RUN, "keep/weights.safetensors": "last" };
+  const below = {
+    "keep/opponent/run.json": RUN,
+    "keep/opponent/best.safetensors": "another",
+    "keep/a/b.smreplay": "",
+  };
+  assert.deepEqual(await opened({ ...below, ...run }), ["team", "keep, seed 3", "last"]);
+  const scenario = { "maps/keep.json": "{}", "maps/units/scout.json": "{}" };
+  assert.deepEqual(await opened(scenario), ["scenario", "keep.json", "scout.json"]);
+  assert.deepEqual(await opened({ ...run, "keep/one.smreplay": "" }), ["replay", "one.smreplay"]);
+});
+
+test("a part of what belongs together is refused with what is missing", async () => {
+  await assert.rejects(
+    opened({ "run.json": RUN }),
+    /open best.safetensors or weights.safetensors together with it/,
+  );
+  await assert.rejects(
+    opened({ "best.safetensors": "" }),
+    /open the run.json of the team together with best/,
+  );
+  await assert.rejects(opened({ "a/1/run.json": RUN, "a/2/run.json": RUN }), /these are several teams/);
+  await assert.rejects(opened({ "a.snapshot": "" }), /open a replay \(.smreplay\), a scenario/);
+  await assert.rejects(opened({}), /open a replay/);
+});
+
+// The page said "Failed to fetch".
+test("a replay that is damaged is named, and what is wrong with it", async () => {
+  const whole = new Response(new Blob(["{}"]).stream().pipeThrough(new CompressionStream("gzip")));
+  const bytes = new Uint8Array(await whole.arrayBuffer());
+  assert.equal(await textOf("a", bytes), "{}");
+  await assert.rejects(
+    textOf("a.smreplay", bytes.slice(0, -3)),
+    /^Error: a.smreplay is damaged or incomplete/,
+  );
+  await assert.rejects(textOf("a.smreplay", bytes.slice(2)), /^Error: a.smreplay is not a replay/);
+});

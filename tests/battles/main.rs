@@ -1,0 +1,13 @@
+//! Battles of the engine alone: recorded ones of the published environment, single rules, and what holds in
+//! every battle. One program, which is linked once.
+
+mod conformance;
+mod determinism;
+mod generated;
+mod maps;
+mod playground;
+mod properties;
+mod rewards;
+mod rules;
+mod starcraft;
+mod ticks;

@@ -1,0 +1,276 @@
+//! Rules `starcraft` in battles of a few units: the clock, the phases of attacks, and what only these rules
+//! read. What holds in every battle is in `properties`, for all rule sets.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use glam::Vec2;
+use smaclite_engine::policy::Random;
+use smaclite_engine::{Arena, Battle, ExecutionOrder, Rules, Scratch, Snapshot, Units, action};
+use smaclite_scenarios::Scenario;
+
+const STOP: i32 = action::STOP as i32;
+const EAST: i32 = action::EAST as i32;
+const NORTH: i32 = action::NORTH as i32;
+const WEST: i32 = action::WEST as i32;
+const TARGET: i32 = action::FIRST_TARGET as i32;
+
+/// A battle of a few units on open ground, whose first unit is an agent.
+struct Field {
+    battle: Battle,
+    snapshot: Snapshot,
+}
+
+impl Field {
+    /// Units are given as in a scenario file: `"MARINE": 2`.
+    fn new(agents: &str, enemies: &str) -> Field {
+        let count = |units: &str| -> u32 {
+            let counts =
+                units.split(',').filter_map(|unit| unit.rsplit(':').next()?.trim().parse::<u32>().ok());
+            counts.sum()
+        };
+        let json = format!(
+            r#"{{ "name": "few", "num_allied_units": {}, "num_enemy_units": {}, "groups": [
+                {{ "x": 9, "y": 16, "faction": "ALLY", "units": {{ {agents} }} }},
+                {{ "x": 23, "y": 16, "faction": "ENEMY", "units": {{ {enemies} }} }} ],
+                "terrain_preset": "SIMPLE", "attack_point": [9, 16], "num_unit_types": 0,
+                "ally_has_shields": false, "enemy_has_shields": false }}"#,
+            count(agents),
+            count(enemies),
+        );
+        let scenario = Scenario::from_json(&json, "few", Path::new(".")).expect("a valid scenario");
+        let battle = Battle::new(Arc::new(Arena::new(&scenario, Rules::Starcraft)), 1);
+        Field { snapshot: battle.save(), battle }
+    }
+
+    fn place(mut self, unit: usize, x: f32, y: f32) -> Field {
+        self.snapshot.units.pos[unit] = Vec2::new(x, y);
+        self.battle.restore(&self.snapshot).expect("a snapshot of this battle");
+        self
+    }
+
+    /// Plays a step; returns the units after each tick.
+    fn play(&mut self, actions: &[i32]) -> Vec<Units> {
+        let mut ticks = Vec::new();
+        let observe = |tick: smaclite_engine::Tick<'_>| ticks.push(tick.units.clone());
+        let step = self.battle.step_observed(actions, ExecutionOrder::Drawn, &mut Scratch::new(), observe);
+        step.expect("legal actions");
+        ticks
+    }
+
+    /// The ticks, from 1 on, in which a unit lost health or shield.
+    fn hits(&mut self, unit: usize, actions: &[i32], n_steps: usize) -> Vec<usize> {
+        let vitality = |units: &Units| units.hp[unit] + units.shield[unit];
+        let mut last = vitality(self.battle.units());
+        let mut hits = Vec::new();
+        for tick in (0..n_steps).flat_map(|_| self.play(actions)).enumerate() {
+            let now = vitality(&tick.1);
+            if now < last {
+                hits.push(tick.0 + 1);
+            }
+            last = now;
+        }
+        hits
+    }
+}
+
+#[test]
+fn a_step_is_half_a_second_of_the_games_clock() {
+    for (unit, squares) in [("MARINE", 1.125), ("STALKER", 1.4766), ("ZEALOT", 1.125)] {
+        let mut field = Field::new(&format!(r#""{unit}": 1"#), r#""MARINE": 1"#);
+        let from = field.battle.units().pos[0].x;
+        let to = field.play(&[EAST])[7].pos[0].x;
+        assert!((to - from - squares).abs() < 1e-3, "{unit} walked {}", to - from);
+    }
+}
+
+/// In recorded battles the steps of a medivac from rest on are 0.325, 0.904, 1.211 to 1.229, 1.156 to 1.221:
+/// it accelerates, and brakes for the point two squares ahead.
+#[test]
+fn a_medivac_accelerates_as_recorded() {
+    let mut field = Field::new(r#""MEDIVAC": 1, "MARINE": 1"#, r#""MARINE": 1"#);
+    let mut steps = Vec::new();
+    for _ in 0..4 {
+        let from = field.battle.units().pos[0].x;
+        steps.push(field.play(&[EAST, STOP])[7].pos[0].x - from);
+    }
+    for (step, recorded) in steps.iter().zip([0.325, 0.903, 1.22, 1.18]) {
+        assert!((step - recorded).abs() < 0.02, "{steps:?}");
+    }
+}
+
+#[test]
+fn hits_come_at_the_damage_point_and_projectiles_fly() {
+    // A damage point of 0.05 s is one tick after the tick in which the attack begins.
+    let mut marine =
+        Field::new(r#""MARINE": 1"#, r#""MARAUDER": 1"#).place(0, 10.0, 16.0).place(1, 15.5, 16.0);
+    assert_eq!(marine.hits(1, &[TARGET], 1), [2]);
+    // 0.167 s are 2.7 ticks; then 18.75 squares per second over 4.3 squares to the edge: 3.7 ticks.
+    let mut stalker =
+        Field::new(r#""STALKER": 1"#, r#""ZEALOT": 1"#).place(0, 10.0, 16.0).place(1, 14.8, 16.0);
+    let hits = stalker.hits(1, &[TARGET], 1);
+    assert_eq!(hits, [8], "3 ticks to the damage point after the first, and 4 in flight");
+}
+
+/// Units turned to their targets at once, so those that had walked away fired too soon.
+#[test]
+fn a_unit_turns_before_it_attacks() {
+    let shot_after = |walk: i32| {
+        let mut marine =
+            Field::new(r#""MARINE": 1"#, r#""MARAUDER": 1"#).place(0, 10.0, 16.0).place(1, 14.0, 16.0);
+        assert_eq!(marine.hits(1, &[walk], 1), [0; 0]);
+        marine.hits(1, &[TARGET], 1)
+    };
+    // A turn is 62.5 degrees in a tick, and 11.25 may be left.
+    assert_eq!([EAST, NORTH, WEST].map(|walk| shot_after(walk)[0]), [2, 3, 4]);
+}
+
+/// A target that walks out of range by less than the slop of the weapon is hit again from where the unit
+/// stands; a unit that has not attacked it yet walks into its range first.
+#[test]
+fn a_target_that_was_attacked_is_attacked_again_from_farther_away() {
+    let mut field =
+        Field::new(r#""MARINE": 1"#, r#""MARAUDER": 1"#).place(0, 10.0, 16.0).place(1, 15.9, 16.0);
+    field.hits(1, &[TARGET], 1);
+    field.snapshot = field.battle.save();
+    field.snapshot.units.phases[0].backswing = 0.0;
+    let attacked = field.snapshot.units.phases[0].hit_target;
+    assert_eq!(attacked, Some(1), "the marine has fired");
+    for (last, walks) in [(attacked, false), (None, true)] {
+        field.snapshot.units.phases[0].hit_target = last;
+        let mut field = Field { battle: field.battle.clone(), snapshot: field.snapshot.clone() };
+        field.snapshot.units.pos[0] = Vec2::new(10.0, 16.0);
+        field = field.place(1, 15.98, 16.0);
+        let x = field.play(&[TARGET])[0].pos[0].x;
+        assert_eq!(x > 10.0, walks, "{last:?}: {x}");
+    }
+}
+
+#[test]
+fn a_zealot_strikes_twice_unless_it_gets_another_order() {
+    let field = || Field::new(r#""ZEALOT": 1"#, r#""MARAUDER": 1"#).place(0, 10.0, 16.0).place(1, 11.1, 16.0);
+    // 0.28 s are 4.5 ticks.
+    assert_eq!(field().hits(1, &[TARGET], 1), [1, 6]);
+    // With its next attack a blow is due in one step and the other in the next, in which it may walk away.
+    let blows = |last: i32| {
+        let mut zealot = field();
+        let before = zealot.hits(1, &[TARGET], 3);
+        (before, zealot.hits(1, &[last], 1).len())
+    };
+    let (before, after) = blows(TARGET);
+    assert_eq!((before.len(), after), (3, 1), "the attack of this seed begins too early or late: {before:?}");
+    assert_eq!(blows(EAST), (before, 0));
+}
+
+#[test]
+fn attacks_are_a_period_apart_with_a_random_delay() {
+    let mut field =
+        Field::new(r#""MARINE": 1"#, r#""MARAUDER": 1"#).place(0, 10.0, 16.0).place(1, 15.5, 16.0);
+    let hits = field.hits(1, &[TARGET], 12);
+    let periods: Vec<usize> = hits.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    // 0.8608 s, from 0.0625 less to 0.125 more, rounded to ticks. Recorded: 13 to 17, most often 14.
+    assert!(periods.len() >= 4 && periods.iter().all(|period| (13..=17).contains(period)), "{periods:?}");
+}
+
+#[test]
+fn a_baneling_that_is_killed_explodes() {
+    let mut field = Field::new(r#""MARINE": 2"#, r#""BANELING": 1"#)
+        .place(0, 10.0, 16.0)
+        .place(1, 10.0, 14.0)
+        .place(2, 11.2, 16.0);
+    field.snapshot = field.battle.save();
+    field.snapshot.units.hp[2] = 1.0;
+    field.battle.restore(&field.snapshot).expect("a snapshot of this battle");
+    let after = field.play(&[TARGET, STOP]);
+    assert!(!after[7].alive[2]);
+    // 20, and 15 more against light units.
+    assert_eq!(after[7].hp[0], 10.0);
+}
+
+#[test]
+fn enemies_keep_their_formation_and_stop_within_their_range() {
+    let mut field = Field::new(r#""MARINE": 1"#, r#""MARINE": 1, "MARAUDER": 1"#)
+        .place(1, 23.0, 16.0)
+        .place(2, 23.8, 16.7);
+    let offset = |units: &Units| units.pos[2] - units.pos[1];
+    let (begin, mut last) = (offset(field.battle.units()), Vec2::ZERO);
+    for _ in 0..5 {
+        last = offset(&field.play(&[STOP])[7]);
+    }
+    assert!((begin - last).length() < 1e-3, "{begin} became {last}");
+    let mut stood = None;
+    while stood.is_none() {
+        let ticks = field.play(&[STOP]);
+        stood = stood.or(ticks.iter().find(|units| units.vel[1] == Vec2::ZERO).map(|units| units.pos[1]));
+    }
+    let gap = stood.expect("a marine that stands").x - field.battle.units().pos[0].x - 0.75;
+    assert!((3.5..=5.0).contains(&gap), "{gap}");
+}
+
+/// Keys that only these rules read once must not reach the others: their battles are recorded to the bit.
+/// Enemies stayed below the wall of 2c_vs_64zg and never came to the agents, so any team won.
+#[test]
+fn enemies_find_their_way_around_a_wall_to_agents_that_are_out_of_sight() {
+    let scenario = Scenario::resolve("2c_vs_64zg").expect("a standard scenario");
+    let mut battle = Battle::new(Arc::new(Arena::new(&scenario, Rules::Starcraft)), 1);
+    let mut scratch = Scratch::new();
+    let mut steps = 0;
+    while battle.units().shield[0] + battle.units().shield[1] == 300.0 {
+        steps += 1;
+        assert!(steps < 40, "no enemy has come to the agents");
+        battle.step(&[STOP; 2], &mut scratch).expect("legal actions");
+    }
+    // Straight, the nearest would need 4 steps.
+    assert!(steps > 12, "they came through the wall, in {steps} steps");
+}
+
+/// In SMAC the zealot of 2m_vs_1z goes to a point between the marines that each episode draws.
+#[test]
+fn a_march_to_a_line_draws_its_point() {
+    let scenario = Scenario::resolve("2m_vs_1z").expect("a standard scenario");
+    let goal = |rules: Rules, seed: u64| {
+        let mut battle = Battle::new(Arc::new(Arena::new(&scenario, rules)), seed);
+        battle.step(&[STOP; 2], &mut Scratch::new()).expect("legal actions");
+        battle.units().phases.last().map(|phase| phase.goal)
+    };
+    let goals: Vec<Vec2> = (0..40).filter_map(|seed| goal(Rules::Starcraft, seed)).collect();
+    assert!(goals.iter().all(|goal| goal.y == 12.0 && (13.0..=19.0).contains(&goal.x)), "{goals:?}");
+    let (low, high) =
+        goals.iter().fold((19.0_f32, 13.0_f32), |(low, high), goal| (low.min(goal.x), high.max(goal.x)));
+    assert!(low < 14.0 && high > 18.0, "{goals:?}");
+    assert_eq!(goal(Rules::Smaclite, 0), None);
+}
+
+#[test]
+fn other_rules_take_no_notice_of_the_keys_of_starcraft() {
+    let file = |keys: &str| {
+        format!(
+            r#"{{ "hp": 45, "armor": 0, "damage": 6, "cooldown": 0.61, "speed": 3.15, "attack_range": 5,
+                "size": 0.75, "valid_targets": ["GROUND"], "attributes": ["LIGHT"]{keys} }}"#
+        )
+    };
+    let keys = r#", "damage_point": 0.2, "backswing": 0.5, "min_random_delay": -0.1, "max_random_delay": 0.2,
+        "range_slop": 1, "hit_interval": 0.1, "projectile_speed": 9, "effect_delay": 0.2, "acceleration": 2,
+        "separation_radius": 0.2, "explodes_when_killed": false"#;
+    let folder = tempfile::tempdir().expect("a folder");
+    let end = |keys: &str, rules: Rules| {
+        std::fs::write(folder.path().join("own.json"), file(keys)).expect("a file");
+        let json = r#"{ "name": "few", "num_allied_units": 3, "num_enemy_units": 3, "groups": [
+            { "x": 12, "y": 16, "faction": "ALLY", "units": { "own": 3 } },
+            { "x": 18, "y": 16, "faction": "ENEMY", "units": { "own": 3 } } ],
+            "custom_unit_path": ".", "terrain_preset": "SIMPLE", "attack_point": [9, 16],
+            "num_unit_types": 0, "ally_has_shields": false, "enemy_has_shields": false }"#;
+        let scenario = Scenario::from_json(json, "few", folder.path()).expect("a valid scenario");
+        let mut battle = Battle::new(Arc::new(Arena::new(&scenario, rules)), 1);
+        let (mut player, mut actions) = (Random::new(3), vec![0; 3]);
+        for _ in 0..40 {
+            player.act(&battle, &mut actions);
+            battle.step(&actions, &mut Scratch::new()).expect("available actions are legal");
+        }
+        battle.save().units
+    };
+    for rules in [Rules::Smaclite, Rules::Paper] {
+        assert_eq!(end(keys, rules), end("", rules));
+    }
+    assert_ne!(end(keys, Rules::Starcraft), end("", Rules::Starcraft));
+}

@@ -1,0 +1,542 @@
+//! Battles branch: from a snapshot, and from one environment to another, they go on with the bits that they
+//! would have had. Every frame is compared with the [reference](smaclite_tests::reference).
+
+use rand::seq::{IndexedRandom, SliceRandom};
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+use smaclite_engine::policy::Random;
+use smaclite_engine::{
+    Arena, Battle, COLUMNS, Column, ColumnSpec, ColumnType, RecordLayout, RecordSizes, Rules, Scratch,
+    Snapshot,
+};
+use smaclite_ipc::{Batch, WaitOptions};
+use smaclite_pool::Autoreset;
+use smaclite_pool::fields::{FIELDS, Field};
+use smaclite_scenarios::{Capability, EnemyMask, Faction, Placement, Scenario, ScenarioFiles, UnitFile};
+use smaclite_tests::learner::LearnerError;
+use smaclite_tests::process::TIMEOUT;
+use smaclite_tests::reference::SavedEnv;
+use smaclite_tests::{Child, LanePlan, Learner, PoolPlan, TestDir};
+use std::sync::Arc;
+
+/// A lane with all fields.
+fn lane(scenario: &str, num_envs: usize) -> LanePlan {
+    let fields = Some(FIELDS.iter().map(|spec| spec.name.to_owned()).collect());
+    LanePlan { fields, ..LanePlan::new(scenario, num_envs) }
+}
+
+/// The snapshot in a slot of a batch.
+fn snapshot(batch: &Batch, slot: usize) -> &[u8] {
+    let all = batch.field::<u8>(Field::Snapshot).expect("the lane has it");
+    let size = batch.layout().snapshot_size();
+    &all[slot * size..][..size]
+}
+
+/// What can be restored later: the states of a batch that is kept.
+struct Kept {
+    batch: Arc<Batch>,
+    states: Vec<SavedEnv>,
+}
+
+impl Kept {
+    fn new(batch: Arc<Batch>, learner: &Learner) -> Kept {
+        let states = batch.env_id().iter().map(|env| learner.reference().save(*env)).collect();
+        Kept { batch, states }
+    }
+}
+
+/// Forks or restores some of the environments that are ready, or does nothing.
+fn branch(learner: &mut Learner, kept: Option<&Kept>, rng: &mut Pcg64) -> Result<(), LearnerError> {
+    let mut to = learner.ready().to_vec();
+    to.shuffle(rng);
+    to.truncate(rng.random_range(1..=to.len()));
+    let seed = rng.random_ratio(1, 2).then(|| rng.random_range(0..99));
+    match (rng.random_range(0..6), kept) {
+        (0, _) => {
+            let ready = learner.ready().to_vec();
+            let from: Vec<i32> = to.iter().map(|_| *ready.choose(rng).expect("not empty")).collect();
+            learner.send_fork(&from, &to, seed)
+        }
+        (1, Some(Kept { batch, states })) => {
+            let slots: Vec<usize> = to.iter().map(|_| rng.random_range(0..states.len())).collect();
+            let records: Vec<u8> = slots.iter().flat_map(|slot| snapshot(batch, *slot)).copied().collect();
+            let states: Vec<SavedEnv> = slots.iter().map(|slot| states[*slot].clone()).collect();
+            learner.send_restore(&records, &states, &to, seed)
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Steps, forks and restores at random; a synchronous lane does one of them at a time.
+fn run(learner: &mut Learner, plan: &LanePlan, frames: usize, rng: &mut Pcg64) -> Result<(), LearnerError> {
+    learner.reset(Some(3), TIMEOUT)?;
+    let mut kept: Option<Kept> = None;
+    for _ in 0..frames {
+        let is_over = |env: &i32| learner.reference().is_over(*env);
+        let over: Vec<i32> = learner.ready().iter().copied().filter(is_over).collect();
+        if plan.autoreset == Autoreset::Disabled && !over.is_empty() {
+            learner.send_reset(&over, None)?;
+        }
+        if !learner.ready().is_empty() {
+            branch(learner, kept.as_ref(), rng)?;
+        }
+        if !learner.ready().is_empty() {
+            learner.send()?;
+        }
+        let batch = learner.recv(TIMEOUT)?;
+        if rng.random_ratio(1, 5) {
+            kept = Some(Kept::new(batch, learner));
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn every_way_of_branching_shows_the_bits_of_the_reference() {
+    let dir = TestDir::new();
+    let mut rng = Pcg64::seed_from_u64(1);
+    for autoreset in [Autoreset::NextStep, Autoreset::SameStep, Autoreset::Disabled] {
+        for threads in [1, 2, 4] {
+            for batch_size in [12, 5, 1] {
+                let plan = LanePlan {
+                    autoreset,
+                    batch_size,
+                    episode_limit: Some(9),
+                    obs_last_actions: threads - 1,
+                    ..lane("2s3z", 12)
+                };
+                let pool = PoolPlan::new([plan]).threads(threads);
+                let _embedded = dir.start(&pool);
+                let mut learner = dir.learner(&pool.lanes[0]);
+                let result = run(&mut learner, &pool.lanes[0], 400 / batch_size, &mut rng);
+                result
+                    .unwrap_or_else(|e| panic!("{threads} threads, {batch_size} of 12, {autoreset:?}: {e}"));
+            }
+        }
+    }
+}
+
+#[test]
+fn learners_that_take_part_and_other_processes_see_the_same_bits() {
+    let mut rng = Pcg64::seed_from_u64(2);
+    for batch_size in [6, 2] {
+        let dir = TestDir::new();
+        let plan = PoolPlan::new([LanePlan { batch_size, ..lane("MMM", 6) }]).threads(2);
+        {
+            let pool = dir.start(&plan);
+            let client = pool.connect(Some("MMM"), Default::default()).expect("a client");
+            let mut learner = Learner::new(client, &plan.lanes[0]);
+            run(&mut learner, &plan.lanes[0], 100, &mut rng).expect("frames as in the reference");
+        }
+        let _supervisor = Child::supervisor(&dir, &plan);
+        let mut learner = dir.learner(&plan.lanes[0]);
+        run(&mut learner, &plan.lanes[0], 100, &mut rng).expect("frames as in the reference");
+    }
+}
+
+/// A snapshot is plain data: a pool that starts later, with other settings, continues from it.
+#[test]
+fn a_snapshot_survives_its_pool() {
+    let dir = TestDir::new();
+    let plan = PoolPlan::new([lane("3s5z", 4)]);
+    let (records, states) = {
+        let _pool = dir.start(&plan);
+        let mut learner = dir.learner(&plan.lanes[0]);
+        learner.reset(Some(5), TIMEOUT).expect("a reset");
+        (0..8).for_each(|_| drop(learner.step(TIMEOUT).expect("a step")));
+        let kept = Kept::new(learner.step(TIMEOUT).expect("a step"), &learner);
+        let records: Vec<u8> = (0..4).flat_map(|slot| snapshot(&kept.batch, slot)).copied().collect();
+        (records, kept.states)
+    };
+    let plan = PoolPlan::new([LanePlan { batch_size: 2, seed: 99, ..lane("3s5z", 4) }]).threads(2);
+    let _pool = dir.start(&plan);
+    let mut learner = dir.learner(&plan.lanes[0]);
+    learner.reset(None, TIMEOUT).expect("a reset");
+    learner.send_restore(&records, &states, &[3, 2, 1, 0], None).expect("sent");
+    (0..2).for_each(|_| drop(learner.recv(TIMEOUT).expect("the states of before")));
+    (0..40).for_each(|_| drop(learner.step(TIMEOUT).expect("the future of before")));
+}
+
+#[test]
+fn what_cannot_be_restored_is_an_error_and_no_environment_changes() {
+    let dir = TestDir::new();
+    let same_step = LanePlan { name: "same".into(), autoreset: Autoreset::SameStep, ..lane("2s3z", 3) };
+    let lanes = [
+        LanePlan { episode_limit: Some(2), ..lane("2s3z", 3) },
+        LanePlan { name: "history".into(), obs_last_actions: 1, ..lane("2s3z", 3) },
+        LanePlan { episode_limit: Some(2), ..same_step },
+        lane("3s5z", 3),
+        LanePlan { name: "none".into(), ..LanePlan::new("2s3z", 3) },
+    ];
+    let plan = PoolPlan::new(lanes);
+    let _pool = dir.start(&plan);
+    let [mut learner, mut history, mut same, mut other, mut none] =
+        [0, 1, 2, 3, 4].map(|lane| dir.learner(&plan.lanes[lane]));
+    let records = |learner: &mut Learner| {
+        learner.reset(None, TIMEOUT).expect("a reset");
+        learner.step(TIMEOUT).expect("a step");
+        let batch = learner.step(TIMEOUT).expect("a step");
+        batch.field::<u8>(Field::Snapshot).map(<[u8]>::to_vec).unwrap_or_default()
+    };
+    let (good, longer, foreign) = (records(&mut learner), records(&mut history), records(&mut other));
+    records(&mut same);
+    records(&mut none);
+    let refusal = |learner: &mut Learner, records: &[u8], expected: &str| {
+        let sent = learner.client().send_restore(records, None, None, WaitOptions::forever());
+        let error = match sent {
+            Err(error) => error.to_string(),
+            Ok(()) => learner.recv(TIMEOUT).err().expect("a refusal").to_string(),
+        };
+        assert!(error.contains(expected), "{error:?} does not contain {expected:?}");
+    };
+    let size = good.len() / 3;
+    let changed = |at: usize, value: u8| {
+        let mut records = good.clone();
+        records[2 * size + at] ^= value;
+        records
+    };
+    refusal(&mut learner, &changed(size - 9, 1), "environment 2 cannot be restored: the snapshot is damaged");
+    refusal(&mut learner, &changed(0, 1), "environment 2 cannot be restored: these bytes are no snapshot");
+    refusal(&mut learner, &changed(8, 1), "environment 2 cannot be restored: the snapshot has version 6");
+    let layout = RecordLayout::of(&good[..size]).expect("a snapshot");
+    let mut edited = good.clone();
+    layout.column_mut(&mut edited[size..2 * size], Column::Shield)[16..24]
+        .copy_from_slice(&(-1f64).to_le_bytes());
+    layout.seal(&mut edited[size..2 * size]);
+    refusal(
+        &mut learner,
+        &edited,
+        "environment 1 cannot be restored: snapshot column 'shield' must be between 0",
+    );
+    refusal(&mut learner, &foreign, "battles of 8 agents and 8 enemies, and these have 5 and 5");
+    refusal(&mut history, &good, "of a lane with `obs_last_actions` 0, and this one has 1");
+    refusal(&mut learner, &longer, "of a lane with `obs_last_actions` 1, and this one has 0");
+    refusal(&mut learner, &good[size..], "take 3 snapshots of");
+    refusal(&mut same, &good, "environment 0 cannot be restored: the episode of the snapshot is over");
+    refusal(&mut none, &good, "no snapshots: name the field `snapshot`");
+    // The first snapshot of each was good; no environment took it, and the lanes go on.
+    for learner in [&mut learner, &mut history, &mut same, &mut other, &mut none] {
+        (0..3).for_each(|_| drop(learner.step(TIMEOUT).expect("as if nothing had been asked")));
+    }
+}
+
+#[test]
+fn a_snapshot_of_another_rule_set_is_an_error() {
+    let scenario = Scenario::resolve("2s3z").expect("a standard scenario");
+    let arenas = Rules::ALL.map(|rules| Arc::new(Arena::new(&scenario, rules)));
+    for (of, other) in [(0, 1), (0, 2), (2, 0)].map(|(of, other)| (&arenas[of], &arenas[other])) {
+        let layout = RecordLayout::new(RecordSizes::new(&of.sizes(), 0));
+        let mut record = vec![0; layout.size()];
+        Battle::new(of.clone(), 1).write_record(&layout, &[], &mut record);
+        let read = Snapshot::default().read_record(other, 0, &record, &mut Vec::new());
+        let (given, expected) = (of.rules(), other.rules());
+        let message = format!("the snapshot is of rules `{given}`, and the battle has rules `{expected}`");
+        assert_eq!(read.expect_err("other rules").to_string(), message);
+    }
+}
+
+/// Steps with legal actions that depend on the state only.
+fn play(battle: &mut Battle, steps: usize, scratch: &mut Scratch) {
+    let mut actions = vec![0; battle.arena().sizes().n_agents];
+    for step in 0..steps {
+        if battle.is_over() {
+            battle.reset();
+        }
+        for (agent, action) in actions.iter_mut().enumerate() {
+            let legal: Vec<usize> =
+                (0..battle.arena().sizes().n_actions).filter(|a| battle.is_available(agent, *a)).collect();
+            *action = legal[(step * 7 + agent * 3) % legal.len()] as i32;
+        }
+        battle.step(&actions, scratch).expect("legal actions");
+    }
+}
+
+fn record_layout(arena: &Arena) -> RecordLayout {
+    RecordLayout::new(RecordSizes::new(&arena.sizes(), 0))
+}
+
+#[test]
+fn every_map_continues_from_its_records_with_the_same_bits() {
+    let mut scratch = Scratch::new();
+    for name in Scenario::standard_names() {
+        let scenario = Scenario::resolve(name).expect("a standard scenario");
+        let arena = Arc::new(Arena::new(&scenario, Rules::Smaclite));
+        let layout = record_layout(&arena);
+        let mut battle = Battle::new(Arc::clone(&arena), 4);
+        let mut other = Battle::new(Arc::clone(&arena), 5);
+        let (mut snapshot, mut past) = (Snapshot::default(), Vec::new());
+        for _ in 0..4 {
+            play(&mut battle, 17, &mut scratch);
+            let mut record = vec![0xaa; layout.size()];
+            battle.write_record(&layout, &[], &mut record);
+            snapshot.read_record(&arena, 0, &record, &mut past).expect("a record of this arena");
+            assert_eq!(snapshot, battle.save(), "{name}");
+            let mut again = vec![0; layout.size()];
+            snapshot.write_record(&arena, &layout, &past, &mut again);
+            assert_eq!(record, again, "{name}");
+            other.restore(&snapshot).expect("a snapshot of this arena");
+            play(&mut other, 11, &mut scratch);
+            let mut same = battle.clone();
+            play(&mut same, 11, &mut scratch);
+            assert_eq!(same.save(), other.save(), "{name}");
+        }
+    }
+}
+
+/// A learner can send any bytes: they are refused, or give a battle that can be played and saved.
+#[test]
+fn damaged_records_are_refused_or_played() {
+    let (mut scratch, mut rng) = (Scratch::new(), Pcg64::seed_from_u64(6));
+    let (mut refused, mut played) = (0, 0);
+    for name in ["2s3z", "MMM", "2c_vs_64zg", "bane_vs_bane"] {
+        let scenario = Scenario::resolve(name).expect("a standard scenario");
+        let arena = Arc::new(Arena::new(&scenario, Rules::Smaclite));
+        let layout = record_layout(&arena);
+        let mut battle = Battle::new(Arc::clone(&arena), 4);
+        play(&mut battle, 9, &mut scratch);
+        let mut good = vec![0; layout.size()];
+        battle.write_record(&layout, &[], &mut good);
+        for _ in 0..2500 {
+            let mut record = good.clone();
+            for _ in 0..rng.random_range(1..4) {
+                let at = rng.random_range(0..record.len());
+                record[at] = rng.random();
+            }
+            if rng.random_ratio(1, 20) {
+                record.truncate(rng.random_range(0..record.len()));
+            } else if rng.random_ratio(9, 10) {
+                layout.seal(&mut record);
+            }
+            let mut snapshot = Snapshot::default();
+            match snapshot.read_record(&arena, 0, &record, &mut Vec::new()) {
+                Err(error) => {
+                    assert!(!error.to_string().is_empty());
+                    refused += 1;
+                }
+                Ok(()) => {
+                    let mut battle = Battle::new(Arc::clone(&arena), 0);
+                    battle.restore(&snapshot).expect("it was checked");
+                    play(&mut battle, 2, &mut scratch);
+                    battle.clone().restore(&battle.save()).expect("a state that can be saved");
+                    played += 1;
+                }
+            }
+        }
+    }
+    assert!(refused > 1000 && played > 1000, "{refused} refused, {played} played");
+}
+
+/// All 38 maps, the generated ones with everything that draws and hides, too.
+fn every_arena() -> Vec<Arc<Arena>> {
+    let names = Scenario::standard_names().chain(Scenario::generated_names());
+    let mut all: Vec<Scenario> =
+        names.map(|name| Scenario::resolve(name).expect("a standard scenario")).collect();
+    let generated: Vec<Scenario> =
+        Scenario::generated_names().map(|name| Scenario::resolve(name).expect("a scenario")).collect();
+    for (i, mut scenario) in generated.into_iter().enumerate() {
+        let capability =
+            |lower_bound, upper_bound| Some(Capability { lower_bound, upper_bound, observe: true });
+        let options = scenario.smacv2.as_mut().expect("options");
+        options.attack = capability(0.3, 0.9);
+        options.health = capability(0.1, 0.4);
+        options.enemy_mask = Some(EnemyMask { mask_probability: 0.5 });
+        options.conic_fov = i % 2 == 0;
+        options.fully_observable = i % 3 == 0;
+        options.published = i % 3 == 1;
+        options.obs_own_pos = true;
+        options.obs_timestep_number = true;
+        options.obs_instead_of_state = i % 5 == 0;
+        all.push(scenario);
+    }
+    all.iter().map(|scenario| Arc::new(Arena::new(scenario, Rules::Smaclite))).collect()
+}
+
+/// The ranges of snapshots are closed under the rules: what a battle reaches can be restored.
+#[test]
+fn every_state_of_a_battle_passes_the_checkpoint() {
+    let (mut scratch, mut policy) = (Scratch::new(), Random::new(3));
+    for arena in every_arena() {
+        let layout = record_layout(&arena);
+        let mut record = vec![0; layout.size()];
+        let mut battle = Battle::new(Arc::clone(&arena), 8);
+        let mut actions = vec![0; arena.sizes().n_agents];
+        let mut snapshot = Snapshot::default();
+        for _ in 0..150 {
+            policy.act(&battle, &mut actions);
+            battle.step(&actions, &mut scratch).expect("legal actions");
+            battle.write_record(&layout, &[], &mut record);
+            snapshot.read_record(&arena, 0, &record, &mut Vec::new()).expect("a state of a battle");
+            assert_eq!(snapshot, battle.save());
+            if battle.is_over() {
+                battle.reset();
+            }
+        }
+    }
+}
+
+/// Values that no battle has, or just could have.
+fn extreme(column: &ColumnSpec, rng: &mut Pcg64) -> Vec<u8> {
+    let f64s = [f64::NAN, f64::INFINITY, -0.0, 5e-324, 1e-310, 1.7e308, -1.0, 1e30, 1e36, 1e16, 0.0, 0.5];
+    let f32s =
+        [f32::NAN, f32::NEG_INFINITY, 3.0e38, -3.4e38, 1e19, 1e-45, -0.0, 1e9, -1.0, 47.9, 48.1, 1.9e6];
+    let ints = [-2, -1, 0, 1, 5, 6, 100, i32::MAX, i32::MIN];
+    let words = [0, 1, 2, 10, 1 << 31, u64::MAX, 1 << 63, 1.7e308_f64.to_bits(), 0.5_f64.to_bits()];
+    match column.dtype {
+        ColumnType::F64 => f64s.choose(rng).expect("one").to_le_bytes().to_vec(),
+        ColumnType::F32 => f32s.choose(rng).expect("one").to_le_bytes().to_vec(),
+        ColumnType::I32 => ints.choose(rng).expect("one").to_le_bytes().to_vec(),
+        ColumnType::U32 => (*words.choose(rng).expect("one") as u32).to_le_bytes().to_vec(),
+        ColumnType::U64 => words.choose(rng).expect("one").to_le_bytes().to_vec(),
+        ColumnType::Bool => vec![rng.random_range(0..3)],
+    }
+}
+
+/// Sets one, several or all values of a column to an extreme one, or exchanges two.
+fn edit(layout: &RecordLayout, record: &mut [u8], rng: &mut Pcg64) {
+    let column = COLUMNS[rng.random_range(Column::NKnown as usize..COLUMNS.len())];
+    let bytes = layout.column_mut(record, column.column);
+    let (size, share) = (column.dtype.size(), *[0.1, 0.5, 1.0].choose(rng).expect("one"));
+    let value = extreme(&column, rng);
+    for element in bytes.chunks_exact_mut(size) {
+        if rng.random_bool(share) {
+            element.copy_from_slice(&value);
+        }
+    }
+}
+
+/// A snapshot with a position of 3e38 was accepted, and the next step took memory until the machine died. A
+/// cooldown of 1.7e308 and the greatest return of SMACv2's interface gave numbers that are not finite.
+#[test]
+fn edited_snapshots_are_refused_or_played_with_finite_numbers() {
+    let (mut scratch, mut rng) = (Scratch::new(), Pcg64::seed_from_u64(7));
+    let (mut refused, mut played) = (0, 0);
+    for arena in every_arena().iter().step_by(3) {
+        let (layout, sizes) = (record_layout(arena), arena.sizes());
+        let mut battle = Battle::new(Arc::clone(arena), 4);
+        play(&mut battle, 9, &mut scratch);
+        let mut good = vec![0; layout.size()];
+        battle.write_record(&layout, &[], &mut good);
+        let mut obs = vec![0.0; sizes.n_agents * sizes.obs_size];
+        let mut state = vec![0.0; sizes.state_size];
+        for _ in 0..300 {
+            let mut record = good.clone();
+            (0..rng.random_range(1..3)).for_each(|_| edit(&layout, &mut record, &mut rng));
+            layout.seal(&mut record);
+            let mut snapshot = Snapshot::default();
+            if let Err(error) = snapshot.read_record(arena, 0, &record, &mut Vec::new()) {
+                assert!(!error.to_string().is_empty());
+                refused += 1;
+                continue;
+            }
+            battle.restore(&snapshot).expect("it was checked");
+            for _ in 0..4 {
+                battle.write_obs(&mut obs, &mut scratch);
+                battle.write_state(&mut state);
+                assert!(obs.iter().chain(&state).all(|x| x.is_finite()), "{snapshot:?}");
+                assert!((battle.episode_return() as f32).is_finite(), "{snapshot:?}");
+                play(&mut battle, 1, &mut scratch);
+                assert_eq!(battle.save().check(arena), Ok(()), "a battle leaves the ranges");
+            }
+            played += 1;
+        }
+    }
+    assert!(refused > 500 && played > 500, "{refused} refused, {played} played");
+}
+
+#[test]
+fn a_value_out_of_range_is_named_with_its_column_unit_and_range() {
+    let arena = Arc::new(Arena::new(&Scenario::resolve("25m").expect("a scenario"), Rules::Smaclite));
+    let check = |change: fn(&mut Snapshot), expected: &str| {
+        let mut battle = Battle::new(Arc::clone(&arena), 1);
+        let mut snapshot = battle.save();
+        change(&mut snapshot);
+        assert_eq!(battle.restore(&snapshot).expect_err(expected).to_string(), expected);
+    };
+    check(
+        |snapshot| snapshot.units.pos[7].x = 1e9,
+        "snapshot column 'pos' must be between -16 and 48 for unit 7, got 1000000000",
+    );
+    check(
+        |snapshot| snapshot.units.cooldown[3] = 1.5,
+        "snapshot column 'cooldown' must be between 0 and 0.61 for unit 3, got 1.5",
+    );
+    check(
+        |snapshot| snapshot.units.shield_cooldown[0] = 11.0,
+        "snapshot column 'shield_cooldown' must be between 0 and 10 for unit 0, got 11",
+    );
+    check(
+        |snapshot| snapshot.episode_return = 1.7e308,
+        "snapshot column 'episode_return' must be between -1e36 and 1e36, got 1.7e308",
+    );
+}
+
+/// The columns of snapshots were in the order of the file's groups, which is enemies first in corridor and
+/// other maps, and documented as agents first.
+#[test]
+fn the_columns_of_a_snapshot_are_agents_first_on_every_map() {
+    let mut scratch = Scratch::new();
+    for name in Scenario::standard_names() {
+        let scenario = Scenario::resolve(name).expect("a standard scenario");
+        let arena = Arc::new(Arena::new(&scenario, Rules::Smaclite));
+        let (layout, sizes) = (record_layout(&arena), arena.sizes());
+        let mut battle = Battle::new(Arc::clone(&arena), 4);
+        play(&mut battle, 20, &mut scratch);
+        let mut record = vec![0; layout.size()];
+        battle.write_record(&layout, &[], &mut record);
+        let of = |place: usize| {
+            let (agents, id) = (sizes.n_agents, place.checked_sub(sizes.n_agents));
+            let faction = if place < agents { Faction::Ally } else { Faction::Enemy };
+            let is_it =
+                |unit: &&Placement| unit.faction == faction && unit.id_in_faction == id.unwrap_or(place);
+            scenario.units.iter().position(|unit| is_it(&unit)).expect("a unit")
+        };
+        let hp: Vec<f64> = numbers(&layout, &record, Column::Hp, f64::from_le_bytes);
+        let types: Vec<u32> = numbers(&layout, &record, Column::UnitType, u32::from_le_bytes);
+        let targets: Vec<i32> = numbers(&layout, &record, Column::Target, i32::from_le_bytes);
+        let units = battle.units();
+        for place in 0..sizes.n_units() {
+            let id = of(place);
+            assert_eq!(hp[place], units.hp[id], "{name}");
+            assert_eq!(types[place] as usize, scenario.units[id].unit_type, "{name}");
+            let target = usize::try_from(targets[place]).ok().map(|place| of(place) as u32);
+            assert_eq!(target, units.target[id], "{name}");
+        }
+        // Killing the first unit of the columns kills agent 0.
+        layout.column_mut(&mut record, Column::Alive)[0] = 0;
+        layout.seal(&mut record);
+        let (edited, _) = Snapshot::of_edited_record(&arena, 0, &record).expect("one unit less");
+        battle.restore(&edited).expect("a state of this map");
+        let mut alive = vec![1; sizes.n_agents];
+        battle.write_alive(&mut alive);
+        assert_eq!(alive[0], 0, "{name}");
+    }
+}
+
+fn numbers<T, const N: usize>(
+    layout: &RecordLayout,
+    record: &[u8],
+    column: Column,
+    read: fn([u8; N]) -> T,
+) -> Vec<T> {
+    layout.column(record, column).as_chunks().0.iter().map(|bytes| read(*bytes)).collect()
+}
+
+/// What units are pushed or overshoot off the map stops at its margin, so that positions have a range.
+#[test]
+fn no_unit_leaves_the_margin_of_the_map() {
+    let (_, files) = ScenarioFiles::resolve("3m").expect("a scenario");
+    let hare = include_str!("../../units/data/MARINE.json").replace("\"speed\": 3.15", "\"speed\": 1e6");
+    assert!(hare.contains("1e6"), "{hare}");
+    let unit_files = vec![UnitFile { name: "hare".into(), keys: vec!["hare".into()], text: hare }];
+    let text = files.text.replace("MARINE", "hare");
+    let scenario = ScenarioFiles { text, unit_files, ..files }.scenario().expect("a scenario");
+    let arena = Arc::new(Arena::new(&scenario, Rules::Smaclite));
+    let (mut battle, mut scratch) = (Battle::new(Arc::clone(&arena), 1), Scratch::new());
+    let mut farthest = 0.0_f32;
+    for _ in 0..40 {
+        play(&mut battle, 1, &mut scratch);
+        farthest = battle.units().pos.iter().map(|pos| pos.max_element()).fold(farthest, f32::max);
+        assert_eq!(battle.save().check(&arena), Ok(()));
+    }
+    assert!((32.0..=48.0).contains(&farthest), "{farthest}");
+}

@@ -1,0 +1,206 @@
+"""Each source of chance has a seed: the rows of the table in docs/concepts/reproducibility.md.
+
+Processes once shared chance by accident: what had no seed had seed 0, or a state that a fork inherits.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import subprocess
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+import smaclite_pool as sp
+
+from conftest import Serve
+
+Bits = bytes
+
+
+def played(envs: sp.Envs, batch: sp.Batch | None = None, **reset: Any) -> Bits:
+    """What the battles show while agents attack the nearest enemies, from a batch on or from a reset."""
+    policy = sp.ScriptedPolicy("nearest", envs)
+    batch = envs.reset(**reset) if batch is None else batch
+    seen = [batch.state.tobytes()]
+    for _ in range(25):
+        batch = envs.step(policy(batch))
+        seen.append(batch.state.tobytes())
+    return b"".join(seen)
+
+
+def battles(seed: int | None, scenario: str = "terran_5_vs_5", **options: Any) -> Bits:
+    with sp.make(scenario, 2, seed=seed, threads=1, **options) as envs:
+        return played(envs)
+
+
+def sampled(seed: int, make_seed: int = 3) -> Bits:
+    with sp.make("3m", 2, seed=make_seed, threads=1) as envs:
+        envs.reset()
+        envs.seed_sampler(seed)
+        return envs.sample_actions().tobytes() + envs.sample_actions().tobytes()
+
+
+def scripted(seed: int | None, make_seed: int = 3, side: Any = "allies") -> Bits:
+    with sp.make("3m", 4, seed=make_seed, threads=1, sides="both") as envs:
+        policy, batch = sp.ScriptedPolicy("random", envs, seed=seed, side=side), envs.reset()
+        return policy(batch).tobytes() + policy(batch).tobytes()
+
+
+def team(seed: int | None) -> Bits:
+    policy = sp.load_team("3m", seed=seed)
+    with sp.make("3m", 8, seed=3, threads=1, **policy.settings) as envs:
+        batch = envs.reset()
+        return policy(batch).tobytes() + policy(batch).tobytes()
+
+
+def reset_to(seed: int) -> Bits:
+    with sp.make("10m_vs_11m", 2, seed=3, threads=1) as envs:
+        return played(envs, seed=seed)
+
+
+def reseeded(seed: int) -> Bits:
+    fields = ["state", "avail_actions", "snapshot"]
+    with sp.make("10m_vs_11m", 2, seed=3, threads=1, fields=fields) as envs:
+        snapshots = envs.reset().snapshot.copy()
+        return played(envs, envs.restore(snapshots, rng="reseed", seed=seed))
+
+
+def opponents(seed: int) -> Bits:
+    mixture = {"attack_move": 0.5, "hold": 0.5}
+    fields = ["state", "avail_actions", "opponent"]
+    with sp.make("3m", 32, seed=seed, threads=1, opponent=mixture, fields=fields) as envs:
+        return envs.reset().opponent.tobytes()
+
+
+ROWS: dict[str, Callable[[Any], Bits]] = {
+    "make": battles, "reset": reset_to, "restore": reseeded, "opponents": opponents, "sampler": sampled,
+    "scripted": scripted, "team": team,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("row", ROWS)
+def test_a_seed_repeats_its_chance_and_another_changes_it(row: str) -> None:
+    draw = ROWS[row]
+    assert draw(5) == draw(5)
+    assert len({draw(seed) for seed in range(5, 9)}) > 1
+
+
+def test_seeds_of_actions_change_no_battle_and_seeds_of_battles_no_actions() -> None:
+    assert sampled(5, make_seed=3) == sampled(5, make_seed=4)
+    assert scripted(5, make_seed=3) == scripted(5, make_seed=4)
+
+    def with_sampler(seed: int) -> Bits:
+        with sp.make("10m_vs_11m", 2, seed=3, threads=1) as envs:
+            envs.seed_sampler(seed)
+            envs.reset()
+            envs.sample_actions()
+            return played(envs, seed=1)
+
+    assert with_sampler(1) == with_sampler(2)
+
+
+def test_without_seeds_of_their_own_policies_follow_the_environments() -> None:
+    assert scripted(None, 3) == scripted(None, 3) != scripted(None, 4)
+    assert scripted(None, 3) != scripted(None, 3, side="enemies")
+    with sp.make("3m", 2, seed=3, threads=1) as envs:
+        envs.reset()
+        first = envs.sample_actions().tobytes()
+    with sp.make("3m", 2, seed=3, threads=1) as envs:
+        envs.reset()
+        assert envs.sample_actions().tobytes() == first
+
+
+def test_a_seed_that_was_drawn_can_be_read_and_repeats_the_run() -> None:
+    with sp.make("terran_5_vs_5", 2, threads=1) as envs:
+        seed, first = envs.seed, played(envs)
+        assert 0 <= seed < 2**53 and envs.description["seed"] == seed
+    assert battles(seed) == first == battles(seed)
+    assert battles(None) != battles(None)
+    lanes = sp.make("terran_5_vs_5", 4, threads=1, lanes=2)
+    assert lanes[1].seed == lanes[0].seed + 2
+    for lane in lanes:
+        lane.close()
+    drawn = sp.load_team("3m")
+    assert drawn.seed != sp.load_team("3m").seed
+    assert team(drawn.seed) == team(drawn.seed)
+
+
+def state_of(kind: str) -> Bits:
+    """The first state of an environment without a seed."""
+    if kind == "envs":
+        return battles(None)
+    if kind == "smac":
+        from smaclite_pool.marl.smac import MultiAgentEnv
+
+        smac = MultiAgentEnv("terran_5_vs_5")
+        smac.reset()
+        state = smac.get_state().tobytes()
+        smac.close()
+        return state
+    if kind == "gymnasium":
+        from smaclite_pool.integrations.gymnasium import BattleEnv
+
+        single = BattleEnv("terran_5_vs_5")
+        observation, _ = single.reset()
+        single.close()
+        return bytes(observation["state"].tobytes())
+    from smaclite_pool.integrations.pettingzoo import parallel_env
+
+    env = parallel_env("terran_5_vs_5")
+    env.reset()
+    state = env.state().tobytes()
+    env.close()
+    return state
+
+
+@pytest.mark.parametrize("kind", ["envs", "smac", "gymnasium", "pettingzoo"])
+def test_forked_workers_do_not_play_the_same_battles(kind: str) -> None:
+    """Forked processes inherit the state of NumPy's generator, so each had the same "random" seed."""
+    if kind in ("gymnasium", "pettingzoo"):
+        pytest.importorskip(kind)
+    with multiprocessing.get_context("fork").Pool(2) as workers:
+        first, second = workers.map(state_of, [kind, kind], chunksize=1)
+    assert first != second
+
+
+def test_workers_of_gymnasium_do_not_play_the_same_battles() -> None:
+    gymnasium = pytest.importorskip("gymnasium")
+    import smaclite_pool.integrations.gymnasium  # noqa: F401
+
+    name = "smaclite_pool/terran_5_vs_5-v0"
+    envs = gymnasium.make_vec(name, num_envs=2, vectorization_mode="async")
+    observations, _ = envs.reset()
+    envs.close()
+    assert not np.array_equal(*observations["state"])
+
+
+def test_lanes_of_a_pool_do_not_share_battles(serve: Serve) -> None:
+    """Both lanes had seed 0: two learners with the same scenario had the same battles."""
+    serve("a=3m:4", "b=3m:2", "--name", "numbered", "--seed", "7", "--threads", "1")
+    with sp.connect("numbered", "a") as a, sp.connect("numbered", "b") as b:
+        assert (a.seed, b.seed) == (7, 11)
+    for name in ("one", "two"):
+        serve("3m:1", "--name", name, "--threads", "1")
+    with sp.connect("one") as one, sp.connect("two") as two:
+        assert one.seed != two.seed
+
+
+def test_programs_with_a_seed_repeat_themselves() -> None:
+    def evaluated(seed: str) -> str:
+        command = [
+            sys.executable,
+            "-m",
+            "smaclite_pool",
+            "evaluate",
+            "zoo:3m",
+            "--episodes",
+            "8",
+            "--seed",
+            seed,
+        ]
+        return subprocess.run([*command, "--json"], capture_output=True, text=True, check=True).stdout
+
+    assert evaluated("1") == evaluated("1") != evaluated("2")
