@@ -93,12 +93,22 @@ class Page:
         self.page.eval_on_selector("#scrub", script, tick)
         self.settle()
 
+    def draw(self) -> None:
+        """Waits until the next picture is drawn: the pages write what they show in words with it."""
+        self.page.evaluate("new Promise(requestAnimationFrame)")
+
     def text(self, selector: str) -> str:
+        """What the page says when all that was done to it is drawn, which a busy computer does late."""
+        self.draw()
         return str(self.page.inner_text(selector))
+
+    def shown(self, selector: str) -> bool:
+        self.draw()
+        return bool(self.page.is_visible(selector))
 
     @property
     def tick(self) -> int:
-        return int(self.page.inner_text("#time b >> nth=1"))
+        return int(self.text("#time b >> nth=1"))
 
     @property
     def last(self) -> int:
@@ -176,9 +186,9 @@ def test_every_moment_is_drawn_without_an_error(browser: Any, pages: Path, name:
 
 def test_keys_move_through_time(browser: Any, pages: Path) -> None:
     with Page(browser, pages / "2s3z.html") as page:
-        assert (page.tick, page.page.is_visible("#start")) == (0, True)
+        assert (page.tick, page.shown("#start")) == (0, True)
         page.press("ArrowRight", "ArrowRight", "ArrowRight", "ArrowLeft")
-        assert (page.tick, page.page.is_visible("#start")) == (2, False)
+        assert (page.tick, page.shown("#start")) == (2, False)
         page.press("Shift+ArrowRight")
         assert page.tick == TICKS_PER_STEP
         page.press("Shift+ArrowRight", "Shift+ArrowLeft", "Shift+ArrowLeft")
@@ -275,9 +285,9 @@ def test_episodes_theme_map_and_help(browser: Any, pages: Path) -> None:
         page.press("m")
         assert page.page.get_attribute("#fit", "aria-pressed") == "true"
         page.press("?")
-        assert page.page.is_visible("#keys") and "one step" in page.text("#keys")
+        assert page.shown("#keys") and "one step" in page.text("#keys")
         page.press("Escape")
-        assert not page.page.is_visible("#keys")
+        assert not page.shown("#keys")
 
 
 def test_zoom_and_drag(browser: Any, pages: Path) -> None:

@@ -64,7 +64,7 @@ def test_a_team_of_an_own_map_with_own_units_plays_there(browser: Any, keep: Pat
         page.page.set_input_files("#files", [keep / "team/run.json", keep / "team/weights.safetensors"])
         page.wait_for_text("#name", "keep")
         assert page.page.input_value("#team") == "keep, seed 0"
-        assert not page.page.is_visible("#message")
+        assert not page.shown("#message")
         assert "Guard, agent 0" in str(page.page.get_attribute("#roster0 .chip >> nth=0", "title"))
         page.wait_until_played()
         last = page.last
@@ -81,12 +81,12 @@ def test_a_team_of_an_own_map_with_own_units_plays_there(browser: Any, keep: Pat
         page.page.set_input_files("#files", saved)
         page.wait(lambda: "verified" in page.said)
         page.page.select_option("#team", "keep, seed 0")
-        assert not page.page.is_visible("#message"), page.text("#message")
+        assert not page.shown("#message"), page.text("#message")
         assert page.text("#name") == "keep"
         page.wait_until_played()
         assert page.last == last
     with Playground(browser, link) as page:
-        assert page.text("#name") == "keep" and not page.page.is_visible("#message")
+        assert page.text("#name") == "keep" and not page.shown("#message")
     assert "keep" in run("replay", saved)
 
 
@@ -97,9 +97,9 @@ def test_a_scenario_is_opened_with_its_unit_files(browser: Any, keep: Path) -> N
         page.press("m")
         page.drag(page.position_of(0), (11, 17), (12, 18))
         page.wait_until_played()
-        assert not page.page.is_visible("#message")
+        assert not page.shown("#message")
         page.page.set_input_files("#files", keep / "keep.json")
-        page.wait(lambda: page.page.is_visible("#message"))
+        page.wait(lambda: page.shown("#message"))
         assert "open its unit files together with it" in page.text("#message")
         assert page.text("#name") == "keep", "what is shown stays"
         page.page.set_input_files("#files", keep / "team/run.json")
@@ -115,7 +115,7 @@ def test_a_saved_battle_is_read_by_the_program(browser: Any, tmp_path: Path) -> 
     for suffix in ("html", "gif", "snapshot"):
         run("replay", saved, "--to", tmp_path / f"3m.{suffix}")
     with Page(browser, tmp_path / "3m.html", "tick=16&unit=1") as shown:
-        assert shown.tick == 16 and not shown.page.is_visible("#message")
+        assert shown.tick == 16 and not shown.shown("#message")
     assert "3m" in run("show", tmp_path / "3m.snapshot")
     branch = tmp_path / "branch.smreplay"
     run("record", "--from", tmp_path / "3m.snapshot", "--policy", "kite", "--out", branch)
@@ -140,9 +140,9 @@ def test_a_link_that_cannot_be_played_says_why(browser: Any, link: str, reason: 
         assert reason in page.text("#message") and page.text("#name") == "2s3z"
         page.page.evaluate("location.hash = 'scenario=8m'")
         page.wait_for_text("#name", "8m")
-        assert not page.page.is_visible("#message")
+        assert not page.shown("#message")
         page.page.evaluate(f"location.hash = {json.dumps(link)}")
-        page.wait(lambda: page.page.is_visible("#message") and reason in page.text("#message"))
+        page.wait(lambda: page.shown("#message") and reason in page.text("#message"))
 
 
 def test_a_damaged_file_is_named_with_what_is_wrong(browser: Any, tmp_path: Path) -> None:
@@ -176,7 +176,7 @@ def test_an_address_of_a_replay_that_cannot_be_shown_says_why(browser: Any, tmp_
             "it has no `nonsense`" in said and "`episode` must be a whole number from 0 to 1, got `7`" in said
         )
         page.press("ArrowRight")
-        assert not page.page.is_visible("#message")
+        assert not page.shown("#message")
     with Page(browser, page_file, **PHONE) as page:
         assert page.text("#unit") == "Tap a unit to see its numbers."
 
@@ -202,7 +202,7 @@ def test_nothing_moves_on_a_phone_when_the_first_order_is_given(browser: Any, wi
         page.wait(lambda: page.step >= 2)
         assert boxes(page) == before
         page.page.tap("#help")
-        assert page.page.is_visible("#keys")
+        assert page.shown("#keys")
 
 
 COLOURED = """() => ["marks", "chart"].map((id) => {

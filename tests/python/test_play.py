@@ -60,7 +60,7 @@ class PlayPage(Page):
 
     @property
     def step(self) -> int:
-        return int(self.page.inner_text("#time b >> nth=0"))
+        return int(self.text("#time b >> nth=0"))
 
     @property
     def result(self) -> str:
@@ -172,7 +172,7 @@ def test_a_battle_by_mouse_from_the_first_command_to_its_replay(browser: Any, tm
         # The page now shows any tick of the battle; and then begins another one, with the next seed.
         page.page.click("#end-close")
         page.press("Home", "ArrowRight")
-        assert page.step == 0 and page.page.is_visible("#scrub")
+        assert page.step == 0 and page.shown("#scrub")
         page.page.click("#again")
         page.wait(lambda: page.result == "Paused")
         assert "4" in page.text("#facts") and page.step == 0 and page.page.is_hidden("#scrub")
@@ -255,7 +255,7 @@ def test_time_runs_and_stops(browser: Any) -> None:
         page.page.wait_for_timeout(400)
         assert page.tick == paused and page.result == "Paused"
         page.press("Space", *"+" * 4)
-        page.wait(lambda: page.page.is_visible("#end"))
+        page.wait(lambda: page.shown("#end"))
         assert page.result in ("Won", "Lost") and page.text("#end h2") == page.result
 
 
@@ -301,7 +301,7 @@ def test_a_battle_by_touch(browser: Any, scheme: str) -> None:
         for _ in range(4):
             page.page.click("[data-speed='1']")
         page.page.click("#play")
-        page.wait(lambda: page.page.is_visible("#end"))
+        page.wait(lambda: page.shown("#end"))
         box = page.page.locator("#end").bounding_box()
         assert box["x"] >= 0 and box["x"] + box["width"] <= 390
 

@@ -8,24 +8,22 @@ import json
 import re
 import zlib
 from collections import Counter
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from test_page import REPOSITORY, browser, pytestmark
+from test_page import REPOSITORY, TICKS_PER_STEP, Page, browser, pytestmark
 
 __all__ = ["browser"]  # a fixture that pytest finds here
 
 PAGE = REPOSITORY / "target/playground/battle.html"
 PHONE: dict[str, Any] = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
-TICKS_PER_STEP = 8
 
 pytestmark = [*pytestmark, pytest.mark.skipif(not PAGE.exists(), reason="no page; see `just playground`")]
 
 
-class Playground:
+class Playground(Page):
     """The page, with the whole map; it must report no error and load nothing else."""
 
     def __init__(self, browser: Any, link: str = "", **options: Any) -> None:
@@ -49,30 +47,18 @@ class Playground:
         assert self.problems == []
         assert len([url for url in self.requests if not url.startswith(("data:", "blob:"))]) == 1
 
-    def text(self, selector: str) -> str:
-        return str(self.page.inner_text(selector))
-
     @property
     def said(self) -> str:
         """The line above the map, while there is one."""
-        return self.text("#note") if self.page.is_visible("#note") else ""
-
-    def press(self, key: str) -> None:
-        self.page.keyboard.press(key)
-
-    def wait(self, condition: Callable[[], object]) -> None:
-        for _ in range(400):
-            if condition():
-                return
-            self.page.wait_for_timeout(50)
-        raise AssertionError("it did not happen within 20 seconds")
+        return self.text("#note") if self.shown("#note") else ""
 
     @property
     def step(self) -> int:
-        return int(self.page.inner_text("#time b >> nth=0"))
+        return int(self.text("#time b >> nth=0"))
 
     @property
     def last(self) -> int:
+        self.draw()
         return int(self.page.get_attribute("#scrub", "max")) // TICKS_PER_STEP
 
     def wait_for_text(self, selector: str, text: str) -> None:
@@ -90,7 +76,7 @@ class Playground:
 
         def is_over() -> bool:
             self.press("End")
-            return self.text("#result").split(",")[0] in {"Won", "Lost"}
+            return self.text("#result").split(",")[0] in {"Won", "Lost", "Time limit"}
 
         self.wait(is_over)
 
@@ -143,7 +129,7 @@ def test_a_battle_is_played_to_its_end_and_scrubbed(browser: Any) -> None:
         page.press("Home")
         page.wait(lambda: page.step == 0)
         page.press("]")
-        page.wait(lambda: page.page.is_visible("#obs table >> nth=0"))
+        page.wait(lambda: page.shown("#obs table >> nth=0"))
         assert "agent 0" in page.text("#unit")
         assert page.text("#obs").startswith("Observation before step 0")
 
@@ -156,13 +142,13 @@ def test_every_map_and_team_begins(browser: Any) -> None:
             for value in values:
                 page.page.select_option(choice, value)
                 assert page.page.input_value(choice) == value
-                assert not page.page.is_visible("#message"), page.text("#message")
+                assert not page.shown("#message"), page.text("#message")
         assert page.page.input_value("#seed") == "1"
         page.press("n")
         page.wait(lambda: page.page.input_value("#seed") == "2")
         page.page.fill("#seed", "-3")
         page.page.press("#seed", "Tab")
-        page.wait(lambda: page.page.is_visible("#message"))
+        page.wait(lambda: page.shown("#message"))
         assert "seed must be a whole number" in page.text("#message")
         assert page.page.input_value("#seed") == "2"
 
@@ -288,7 +274,7 @@ def test_the_map_is_painted_by_mouse_and_shared(browser: Any) -> None:
         page.drag((15.5, 19.5), (15.5, 20.5))
         assert page.said == ""
         page.press("Escape")
-        assert not page.page.is_visible("#brush")
+        assert not page.shown("#brush")
         page.wait_until_played()
         assert page.last != before
         assert page.page.input_value("#team") == "3m", "its team plays on"
@@ -319,12 +305,12 @@ def test_strokes_are_undone_and_what_cannot_be_played_is_refused(browser: Any) -
         page.wait(lambda: page.share()[1] == once)
         page.press("p")
         page.drag(page.position_of(0), (-0.4, 16))
-        page.wait(lambda: page.page.is_visible("#message"))
+        page.wait(lambda: page.shown("#message"))
         assert page.share()[1] == once, "what is played stays"
         page.press("p")
         page.press("Control+z")
         page.wait(lambda: page.page.input_value("#scenario") == "3m")
-        assert not page.page.is_visible("#message")
+        assert not page.shown("#message")
         assert page.page.is_disabled("#undo")
 
 
@@ -344,7 +330,7 @@ def test_the_map_is_painted_by_keys(browser: Any) -> None:
         page.page.focus("#battle")
         page.press(" ")
         page.wait(lambda: page.step >= 1)
-        assert not page.page.is_visible("#brush"), "who plays paints no more"
+        assert not page.shown("#brush"), "who plays paints no more"
 
 
 def test_the_map_is_painted_by_touch_on_a_phone(browser: Any) -> None:
@@ -402,7 +388,7 @@ def test_a_link_of_a_team_that_was_dropped_on_another_page_has_its_battle(browse
         page.wait(lambda: "actions=" in page.page.url)
         link, last, result = page.page.url.split("#")[1], page.last, page.text("#result")
     with Playground(browser, link) as page:
-        assert not page.page.is_visible("#message")
+        assert not page.shown("#message")
         assert 'no team "3m, seed' in page.text("#note") and "Nearest plays on" in page.text("#note")
         assert page.last == last
         page.press("End")
@@ -434,7 +420,7 @@ def test_a_new_battle_after_a_replay_is_one_of_its_scenario(browser: Any, tmp_pa
             page.wait_for_value("#seed", seed)
             assert json.loads(page.page.input_value("#scenario")) == scenario
         page.page.select_option("#opponent", "kite")
-        assert not page.page.is_visible("#message")
+        assert not page.shown("#message")
 
 
 def test_the_types_of_a_generated_battle_are_those_that_are_shown(browser: Any) -> None:
@@ -466,11 +452,11 @@ def test_files_are_opened(browser: Any, tmp_path: Path) -> None:
         page.wait(lambda: "verified" in page.text("#note"))
         assert (page.text("#name"), page.last) == ("3m", steps)
         page.page.set_input_files("#files", tmp_path / "other.smreplay")
-        page.wait(lambda: page.page.is_visible("#message"))
+        page.wait(lambda: page.shown("#message"))
         assert "otherwise" in page.text("#message") or "checksum" in page.text("#message")
         page.page.set_input_files("#files", tmp_path / "mine.json")
         page.wait(lambda: page.text("#name") == "mine")
         zoo = REPOSITORY / "bindings/learn/zoo/3m"
         page.page.set_input_files("#files", [zoo / "run.json", zoo / "best.safetensors"])
-        page.wait(lambda: page.text("#name") == "3m" and not page.page.is_visible("#message"))
+        page.wait(lambda: page.text("#name") == "3m" and not page.shown("#message"))
         page.wait_until_played()

@@ -127,9 +127,6 @@ class WatchPage(Page):
 
         self.wait(is_done)
 
-    def shown(self, selector: str) -> bool:
-        return bool(self.page.is_visible(selector))
-
 
 def colours(page: WatchPage, canvas: str) -> int:
     """Number of different colours on a canvas."""
@@ -217,12 +214,9 @@ def test_a_fast_learner_is_followed_episode_by_episode(browser: Any, programs_of
         # How episodes ended that were never opened: the list once said "Over" for them.
         page.wait(lambda: page.page.locator("#episode-list li").count() > 8)
         results = "all => all.map((row) => row.querySelector('.dot').textContent)"
-        page.wait(
-            lambda: (
-                {"Won", "Lost"}
-                >= set(page.page.eval_on_selector_all("#episode-list li:nth-child(n+3)", results))
-            )
-        )
+        rows = "#episode-list li:nth-child(n+3)"
+        ends = {"Won", "Lost", "Time limit"}
+        page.wait(lambda: ends >= set(page.page.eval_on_selector_all(rows, results)))
 
         # An earlier episode, and back to the newest.
         shown = page.text("#episode-list [aria-current=true] span >> nth=0")
