@@ -108,7 +108,7 @@ impl<'a> Roster<'a> {
                 placed = self.check_position(node, unit_type, position, map);
             }
             let id_in_faction = self.count(faction);
-            self.units.push(Placement { unit_type, faction, id_in_faction, position });
+            self.units.push(Placement { unit_type, faction, id_in_faction, position, centre });
         }
         self.placed.0 = self.placed.0.and(placed);
         Ok(())

@@ -39,8 +39,10 @@ pub struct Placement {
     pub faction: Faction,
     /// Its number within its faction, from 0 in battle-wide order.
     pub id_in_faction: usize,
-    /// Start position `[x, y]` in squares.
+    /// Start position `[x, y]` in squares. Under rules `starcraft` units start elsewhere around `centre`.
     pub position: [f64; 2],
+    /// The centre of its group.
+    pub centre: [f64; 2],
 }
 
 /// Where enemies march to, if it is not the attack point.

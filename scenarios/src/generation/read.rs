@@ -71,7 +71,7 @@ pub(crate) fn sample(
     let of_side = |(faction, units): (Faction, &Vec<super::Drawn>)| {
         let placement = move |(id_in_faction, unit): (usize, &super::Drawn)| {
             let (unit_type, position) = (unit.unit_type, unit.position);
-            Placement { unit_type, faction, id_in_faction, position }
+            Placement { unit_type, faction, id_in_faction, position, centre: position }
         };
         units.iter().enumerate().map(placement).collect::<Vec<_>>()
     };

@@ -9,6 +9,7 @@ mod line_choice;
 mod lineup;
 mod moves;
 mod partition;
+mod starts;
 mod unit_stats;
 mod ways;
 
@@ -129,8 +130,7 @@ impl Arena {
             agents,
             enemies,
             extent: Extent::of(&scenario.terrain),
-            // Battles compute positions in f32 from the start on.
-            starts: units.iter().map(|unit| Vec2::from(unit.position.map(|x| x as f32))).collect(),
+            starts: starts(scenario, rules),
             attack_point: scenario.attack_point,
             march_to: scenario.march_to.filter(|_| rules == Rules::Starcraft),
             features: Features::new(scenario),
@@ -426,6 +426,14 @@ fn edges_in_sight(terrain: &Terrain, types: &[UnitType]) -> EdgesByCell {
     let ranges_squared =
         types.iter().filter_map(|unit_type| AvoidanceParams::new(unit_type, 0.0).edge_range_squared);
     EdgesByCell::new(terrain, f64::from(ranges_squared.fold(0.0, f32::max)).sqrt())
+}
+
+fn starts(scenario: &Scenario, rules: Rules) -> Vec<Vec2> {
+    match rules {
+        Rules::Starcraft => starts::starts(scenario),
+        // Battles compute positions in f32 from the start on.
+        _ => scenario.units.iter().map(|unit| Vec2::from(unit.position.map(|x| x as f32))).collect(),
+    }
 }
 
 fn ways(scenario: &Scenario, rules: Rules) -> Option<Arc<Ways>> {

@@ -34,7 +34,7 @@ pub fn standard(name: &str) -> Scenario {
 pub fn open_field(width: u32, height: u32, units: &[(Faction, UnitType, [f64; 2])]) -> Scenario {
     let placement = |(i, (faction, _, position)): (usize, &(Faction, UnitType, [f64; 2]))| {
         let id_in_faction = units[..i].iter().filter(|(other, ..)| other == faction).count();
-        Placement { unit_type: i, faction: *faction, id_in_faction, position: *position }
+        Placement { unit_type: i, faction: *faction, id_in_faction, position: *position, centre: *position }
     };
     Scenario {
         name: "open field".into(),

@@ -117,7 +117,9 @@ fn look(arena: &Arena, units: &mut Units, alive_ids: &AliveIds, attackers: &[i32
 /// The best target within the range of a unit.
 ///
 /// A healer takes the unit with the smallest share of its health left. Others take a target within attack
-/// range before one that is farther away, then the one that the fewest of their side have, then the nearest.
+/// range before one that is farther away, then the nearest, where each unit of their side that has the same
+/// target counts as much as their attack range: who shoots far spreads, and who fights hand to hand takes the
+/// nearest.
 fn best(
     arena: &Arena,
     units: &Units,
@@ -141,7 +143,8 @@ fn best(
             let share = units.hp[other as usize] / arena.stats(other).hp;
             return (share < 1.0).then_some((false, share, gap));
         }
-        Some((gap > stats.attack_range, f64::from(attackers[other as usize]), gap))
+        let rivals = f64::from(attackers[other as usize]);
+        Some((gap > stats.attack_range, gap + stats.attack_range * rivals, gap))
     };
     let ranked = candidates.iter().filter_map(|&other| Some((rank(other)?, other)));
     let least = ranked.min_by(|(a, _), (b, _)| {

@@ -3,6 +3,7 @@
 use smaclite_units::Targeter;
 
 use super::super::{Earned, World, targeters};
+use super::attack;
 use crate::TICK;
 
 /// Lands the hits whose time has come.
@@ -47,8 +48,12 @@ pub(super) fn hit(world: &mut World, id: u32, earned: &mut Earned) {
         }
         Targeter::Kamikaze { .. } => {}
         _ if conduct.hit_interval > 0.0 => {
-            // Blows that follow each other need a unit that lives and has no other target by now.
-            let goes_on = world.units.alive[i] && world.units.hp[i] > 0.0 && own_target == Some(target);
+            // Blows that follow each other need a unit that lives and has no other target by now, and one that
+            // it still reaches.
+            let goes_on = world.units.alive[i]
+                && world.units.hp[i] > 0.0
+                && own_target == Some(target)
+                && attack::is_in_slop(world.arena, world.units, id, target);
             match goes_on {
                 true => targeters::strike(world, id, target, 1, earned),
                 false => world.units.phases[i].hits = 0,
