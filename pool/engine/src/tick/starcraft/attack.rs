@@ -7,7 +7,7 @@ use smaclite_units::Targeter;
 use super::super::{Earned, World, targeters};
 use super::{MAX_FLIGHT, hits};
 use crate::TICK;
-use crate::arena::{Arena, UnitStats};
+use crate::arena::Arena;
 use crate::distance::distance;
 use crate::random::Generator;
 use crate::units::{AttackPhase, Units};
@@ -44,7 +44,7 @@ fn advance(world: &mut World, generator: &mut Generator, id: u32, target: u32, e
     let is_winding_up = world.units.phases[i].windup > 0.0;
     // The target of the last attack is attacked again without a step after it.
     let goes_on = is_winding_up || world.units.phases[i].hit_target == Some(target);
-    let slop = if goes_on { world.arena.stats(id).slop() } else { 0.0 };
+    let slop = if goes_on { conduct.range_slop } else { 0.0 };
     if !is_within(world.arena, world.units, id, target, slop) {
         let units = &mut *world.units;
         units.phases[i].cancel(&mut units.cooldown[i]);
@@ -124,15 +124,7 @@ impl AttackPhase {
 
 /// Whether a unit that has attacked a target can do it again.
 pub(super) fn is_in_slop(arena: &Arena, units: &Units, id: u32, target: u32) -> bool {
-    is_within(arena, units, id, target, arena.stats(id).slop())
-}
-
-impl UnitStats {
-    /// How far a target can leave the range and still be hit: no farther than the range itself, so that
-    /// those who fight hand to hand have to follow.
-    fn slop(&self) -> f64 {
-        f64::min(self.conduct.range_slop, self.attack_range)
-    }
+    is_within(arena, units, id, target, arena.stats(id).conduct.range_slop)
 }
 
 fn is_within(arena: &Arena, units: &Units, id: u32, target: u32, slop: f64) -> bool {

@@ -118,8 +118,8 @@ fn look(arena: &Arena, units: &mut Units, alive_ids: &AliveIds, attackers: &[i32
 ///
 /// A healer takes the unit with the smallest share of its health left. Others take a target within attack
 /// range before one that is farther away, then the nearest, where each unit of their side that has the same
-/// target counts as much as their attack range: who shoots far spreads, and who fights hand to hand takes the
-/// nearest.
+/// target counts as much as their attack range and radius: those that shoot spread their fire, and those that
+/// fight hand to hand go to the nearest, unless others are there.
 fn best(
     arena: &Arena,
     units: &Units,
@@ -144,7 +144,7 @@ fn best(
             return (share < 1.0).then_some((false, share, gap));
         }
         let rivals = f64::from(attackers[other as usize]);
-        Some((gap > stats.attack_range, gap + stats.attack_range * rivals, gap))
+        Some((gap > stats.attack_range, gap + (stats.attack_range + stats.radius) * rivals, gap))
     };
     let ranked = candidates.iter().filter_map(|&other| Some((rank(other)?, other)));
     let least = ranked.min_by(|(a, _), (b, _)| {
