@@ -128,6 +128,14 @@ impl Architecture {
         }
     }
 
+    /// The layouts of an actor over units.
+    pub fn layouts(&self) -> Option<(&UnitLayout, &TargetLayout)> {
+        match self {
+            Architecture::Flat(_) => None,
+            Architecture::Units(network) => network.layouts(),
+        }
+    }
+
     /// Length of the vector of parameters.
     pub fn n_params(&self) -> usize {
         match self {

@@ -9,7 +9,7 @@ use crate::policy::Choice;
 use crate::random::Purpose;
 use crate::team::{Network, agent_ids};
 use crate::tensors::FileError;
-use smaclite_engine::{Arena, Battle, Scratch, Sizes, action};
+use smaclite_engine::{Arena, Battle, Scratch, Sizes, TargetLayout, UnitLayout, action};
 use smaclite_scenarios::Faction;
 use std::path::Path;
 
@@ -20,7 +20,8 @@ pub struct TrainedTeam {
     pub(crate) network: Network,
 }
 
-/// A tensor of a team's network, as its file has it: `0.weight`, `0.bias` and so on, and `id_bias`.
+/// A tensor of a team's network, as its file has it: `0.weight`, `0.bias` and so on, and `id_bias`; of a
+/// network over units `own.weight`, `enemies.0.weight` and so on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TeamTensor {
     /// The name, without `actor.`.
@@ -81,6 +82,12 @@ impl TrainedTeam {
             TeamTensor { name, shape, values: params[tensor.range].to_vec() }
         };
         tensors.map(copy).collect()
+    }
+
+    /// For a network over units, which columns of an observation belong to which unit, and what actions
+    /// target; `None` for a flat one.
+    pub fn layouts(&self) -> Option<(&UnitLayout, &TargetLayout)> {
+        self.network.architecture.layouts()
     }
 
     /// Whether the team has the networks for a side of an arena.

@@ -27,6 +27,7 @@ mod protocol;
 mod session;
 mod source;
 mod team;
+mod units_network;
 
 pub use session::Session;
 pub use team::{Team, TeamError};

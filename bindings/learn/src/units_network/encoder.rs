@@ -3,7 +3,7 @@
 use super::passes::{activate, add_of_sample, differentiate_all, fit, sum_by_sample};
 use crate::config::Activation;
 use crate::linear::{Linear, Tensor};
-use crate::math::vectorised;
+use crate::math::{WIDTH, vectorised};
 use faer::Accum;
 use rand_pcg::Pcg64Mcg;
 use smaclite_engine::UnitRows;
@@ -114,8 +114,7 @@ impl Encoder {
     pub fn pool(&self, memory: &mut EncoderMemory, to: &mut [f32], stride: usize, column: usize) {
         let width = self.width;
         let EncoderMemory { begins, embedding, largest, .. } = memory;
-        largest.clear();
-        largest.resize(to.len() / stride * width, UNSEEN);
+        let largest = fit(largest, to.len() / stride * width);
         let pooled =
             to.chunks_exact_mut(stride).map(|row| row[column..column + 2 * width].split_at_mut(width));
         vectorised(
@@ -123,16 +122,19 @@ impl Encoder {
             || {
                 for ((sample, (sum, max)), largest) in pooled.enumerate().zip(largest.chunks_exact_mut(width))
                 {
-                    (sum.fill(0.0), max.fill(0.0));
-                    for row in begins[sample]..begins[sample + 1] {
-                        let embedding = &embedding[row as usize * width..][..width];
-                        let is_first = row == begins[sample];
-                        for j in 0..width {
-                            sum[j] += embedding[j];
-                            let is_larger = is_first | (embedding[j] > max[j]);
-                            max[j] = if is_larger { embedding[j] } else { max[j] };
-                            largest[j] = if is_larger { row } else { largest[j] };
-                        }
+                    let rows = begins[sample] as usize..begins[sample + 1] as usize;
+                    let of_rows = &embedding[rows.start * width..rows.end * width];
+                    let whole = width / WIDTH * WIDTH;
+                    for j in (0..whole).step_by(WIDTH) {
+                        let part = j..j + WIDTH;
+                        let (s, m, l) = pool_columns::<WIDTH>(of_rows, rows.start as u32, width, j);
+                        sum[part.clone()].copy_from_slice(&s);
+                        max[part.clone()].copy_from_slice(&m);
+                        largest[part].copy_from_slice(&l);
+                    }
+                    for j in whole..width {
+                        let (s, m, l) = pool_columns::<1>(of_rows, rows.start as u32, width, j);
+                        (sum[j], max[j], largest[j]) = (s[0], m[0], l[0]);
                     }
                 }
             },
@@ -189,4 +191,26 @@ impl Encoder {
         self.first.backward_bias(d_base, gradient);
         crate::math::add(d_own, d_base);
     }
+}
+
+/// Sum, maximum and the first row with the maximum of `N` columns of rows, which stay in registers meanwhile.
+/// The first row has the number `first`.
+#[inline(always)]
+fn pool_columns<const N: usize>(
+    rows: &[f32],
+    first: u32,
+    width: usize,
+    column: usize,
+) -> ([f32; N], [f32; N], [u32; N]) {
+    let (mut sum, mut max, mut largest) = ([0.0; N], [f32::NEG_INFINITY; N], [UNSEEN; N]);
+    for (row, number) in rows.chunks_exact(width).zip(first..) {
+        let row = &row[column..column + N];
+        for j in 0..N {
+            let is_larger = row[j] > max[j];
+            sum[j] += row[j];
+            max[j] = if is_larger { row[j] } else { max[j] };
+            largest[j] = if is_larger { number } else { largest[j] };
+        }
+    }
+    (sum, if rows.is_empty() { [0.0; N] } else { max }, largest)
 }

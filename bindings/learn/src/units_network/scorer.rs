@@ -37,6 +37,34 @@ pub(super) struct ScorerMemory {
     scores: Vec<f32>,
 }
 
+impl ScorerMemory {
+    /// Replaces the scores by their gradients, and keeps only targets with one: most actions that target a
+    /// unit are unavailable, and nothing depends on their numbers.
+    fn collect<'a>(&mut self, d_outputs: impl Iterator<Item = &'a [f32]>, width: usize) {
+        let ScorerMemory { target_of, rows, samples, embedding, hidden, scores, .. } = self;
+        scores[..rows.len()].fill(0.0);
+        let mut targets = target_of.iter();
+        for d_outputs in d_outputs {
+            for (d, target) in d_outputs.iter().zip(targets.by_ref()) {
+                if *target != UNSEEN {
+                    scores[*target as usize] += d;
+                }
+            }
+        }
+        let mut kept = 0;
+        for target in 0..rows.len() {
+            if scores[target] != 0.0 {
+                (scores[kept], rows[kept], samples[kept]) = (scores[target], rows[target], samples[target]);
+                let row = target * width..(target + 1) * width;
+                embedding.copy_within(row.clone(), kept * width);
+                hidden.copy_within(row, kept * width);
+                kept += 1;
+            }
+        }
+        (rows.truncate(kept), samples.truncate(kept));
+    }
+}
+
 impl Scorer {
     pub fn new(width: usize, trunk_width: usize, end: &mut usize) -> Scorer {
         Scorer {
@@ -145,20 +173,13 @@ impl Scorer {
         gradient: &mut [f32],
     ) {
         let width = self.unit.n_out();
+        memory.collect(d_outputs, width);
         let len = memory.rows.len() * width;
-        let ScorerMemory { target_of, rows, samples, base, embedding, hidden, d_embedding, d_hidden, scores } =
+        let ScorerMemory { rows, samples, base, embedding, hidden, d_embedding, d_hidden, scores, .. } =
             memory;
-        let (embedding, hidden, scores) = (&embedding[..len], &hidden[..len], &mut scores[..rows.len()]);
+        let (embedding, hidden) = (&embedding[..len], &hidden[..len]);
         let (d_embedding, d_hidden) = (fit(d_embedding, len), fit(d_hidden, len));
-        scores.fill(0.0);
-        let mut targets = target_of.iter();
-        for d_outputs in d_outputs {
-            for (d, target) in d_outputs.iter().zip(targets.by_ref()) {
-                if *target != UNSEEN {
-                    scores[*target as usize] += d;
-                }
-            }
-        }
+        let scores = &scores[..rows.len()];
         self.differentiate_scores(params, scores, hidden, d_hidden, gradient);
         differentiate_all(d_hidden, hidden, activation);
         self.unit.backward(embedding, d_hidden, gradient);

@@ -92,13 +92,17 @@ impl UnitRows {
     }
 
     /// The parts of a row of an input.
+    #[inline]
     pub fn row<'a>(&'a self, input: &'a [f32], unit: usize) -> impl Iterator<Item = &'a [f32]> {
         self.parts.iter().map(move |(start, width)| &input[start + unit * width..][..*width])
     }
 
     /// Whether the unit lives and is seen.
+    #[inline]
     pub fn is_seen(&self, input: &[f32], unit: usize) -> bool {
-        self.row(input, unit).next().is_some_and(|part| part.iter().any(|value| *value != 0.0))
+        self.parts.first().is_some_and(|(start, width)| {
+            input[start + unit * width..][..*width].iter().any(|value| *value != 0.0)
+        })
     }
 }
 
@@ -126,6 +130,7 @@ impl TargetLayout {
     }
 
     /// Whether an agent heals, from its number and its observation.
+    #[inline]
     pub fn heals(&self, agent: usize, obs: &[f32]) -> bool {
         self.heals.iter().any(|column| obs[*column] != 0.0) || self.healers.contains(&agent)
     }
@@ -137,6 +142,7 @@ impl TargetLayout {
 
     /// The row among [`allies`](UnitLayout::allies) of an agent's observation that an ally has; the agent
     /// itself has none.
+    #[inline]
     pub fn ally_row(agent: usize, ally: usize) -> Option<usize> {
         match ally.cmp(&agent) {
             std::cmp::Ordering::Less => Some(ally),
