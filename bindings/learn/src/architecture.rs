@@ -202,3 +202,52 @@ impl Architecture {
 fn as_matrix(x: &[f32], rows: usize) -> MatRef<'_, f32> {
     MatRef::from_row_major_slice(x, rows, x.len() / rows.max(1))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use smaclite_engine::{Arena, Rules};
+    use smaclite_scenarios::Smacv2;
+
+    /// Their observations have the rows of no unit, so a network over units would see nothing.
+    #[test]
+    fn observations_without_units_are_refused() {
+        let mut scenario = Scenario::standard("terran_5_vs_5").unwrap();
+        let options = serde_json::json!({"obs_starcraft": false, "obs_timestep_number": true});
+        for (options, is_possible) in [(serde_json::json!({}), true), (options, false)] {
+            scenario.smacv2 = Some(serde_json::from_value::<Smacv2>(options).unwrap());
+            let inputs = Inputs::new(&scenario, Arena::new(&scenario, Rules::Smaclite).sizes());
+            let network = NetworkKind::Units;
+            let config = Config { network, hidden: network.default_hidden(), ..Config::for_agents(5) };
+            assert_eq!(inputs.check(&Config::for_agents(5)), Ok(()));
+            match inputs.check(&config) {
+                Ok(()) => assert!(is_possible),
+                Err(error) => {
+                    let error = error.to_string();
+                    assert!(!is_possible && error.starts_with("network must be `flat` where"), "{error}");
+                    assert!(error.ends_with("got `units`"), "{error}");
+                }
+            }
+        }
+    }
+
+    /// Whatever a standard scenario observes, networks of both kinds have an output per action and one value.
+    #[test]
+    fn networks_fit_every_scenario() {
+        for name in Scenario::standard_names().chain(Scenario::generated_names()) {
+            let scenario = Scenario::standard(name).unwrap();
+            let sizes = Arena::new(&scenario, Rules::Smaclite).sizes();
+            let inputs = Inputs::new(&scenario, sizes);
+            for (network, algorithm) in NetworkKind::BOTH
+                .into_iter()
+                .flat_map(|network| [(network, Algorithm::Mappo), (network, Algorithm::Ippo)])
+            {
+                let hidden = network.default_hidden();
+                let config = Config { network, algorithm, hidden, ..Config::for_scenario(&scenario) };
+                let actor = Architecture::actor(&config, &inputs);
+                assert_eq!(actor.padded_out(), sizes.n_actions.next_multiple_of(8), "{name}");
+                assert_eq!(Architecture::critic(&config, &inputs).padded_out(), 8, "{name}");
+            }
+        }
+    }
+}

@@ -10,7 +10,8 @@
 //! 2. `ppo` values every state with the critic; `gae` estimates advantages and returns from the values, and
 //!    `normaliser` scales them.
 //! 3. For some epochs of minibatches, `gradient` computes the gradient: `architecture` the passes through
-//!    the networks (`mlp` or `units_network`, both of `linear` maps), `loss` what lies between. `adam` clips it and makes a step.
+//!    the networks (`mlp` or `units_network`, both of `linear` maps), `loss` what lies between. `adam` clips
+//!    it and makes a step.
 //!
 //! `training` repeats this, `run` adds the files of a folder (`checkpoint`, `log`), `evaluations` are played
 //! while a run trains, `seeds` trains several runs at a time, `report` compares those of several algorithms

@@ -1,5 +1,5 @@
-//! Affine maps Z = X Wᵀ + b of rows, the gradient of them, and what they are made of. The products are faer's;
-//! bias and activation are one pass over their result. `mlp` derives the gradient.
+//! Affine maps Z = X Wᵀ + b of rows, the gradient of them, and what they are made of. The products are
+//! faer's; bias and activation are one pass over their result. `mlp` derives the gradient.
 
 use crate::config::Activation;
 use crate::math::{tanh, vectorised};

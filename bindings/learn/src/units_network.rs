@@ -1,8 +1,8 @@
 //! Networks over units: the same maps for every unit of a kind, so that what is learnt of one holds for all,
 //! and their order does not matter (deep sets; Zaheer et al., 2017).
 //!
-//! **Forward.** An input has a row x_i for each unit of each kind k, enemies and allies, and the rest y, which
-//! belongs to no other unit. With f the activation,
+//! **Forward.** An input has a row x_i for each unit of each kind k, enemies and allies, and the rest y,
+//! which belongs to no other unit. With f the activation,
 //!
 //! - o = A y + c, the own embedding,
 //! - r_i = f(A_k x_i + c_k + o) and e_i = f(B_k r_i + d_k) for every unit that is seen, the embeddings,
@@ -11,9 +11,10 @@
 //! - z = F t + g, the outputs that target no unit: the other actions, or the value of a critic,
 //! - q_i = f(U_k e_i + V_k t + u_k) and z_i = s_k · q_i + h_k for the actions that target unit i of kind k.
 //!
-//! Units that are not seen have zeros only as rows. They do not enter sums and maxima, and as targets they have
-//! e_i = 0. An agent's targets are enemies, or allies if it heals; `TargetLayout` (smaclite_engine) says which
-//! action means which unit, and which agents heal. Agents share all parameters and have none of their own.
+//! Units that are not seen have zeros only as rows. They do not enter sums and maxima, and as targets they
+//! have e_i = 0. An agent's targets are enemies, or allies if it heals; `TargetLayout` (smaclite_engine) says
+//! which action means which unit, and which agents heal. Agents share all parameters and have none of their
+//! own.
 //!
 //! **Backward.** With dv for dL/dv: the gradients of an affine map are those of `mlp`, for the rows of all
 //! units at once; d before f is that behind f times f', which follows from the output. What enters several

@@ -1,5 +1,5 @@
-"""The actor of `smaclite-pool train --network units` in NumPy: the same weights for every enemy, and for every
-ally. The learner's `units_network.rs` derives what is computed here."""
+"""The actor of `smaclite-pool train --network units` in NumPy: the same weights for every enemy, and for
+every ally. The learner's `units_network.rs` derives what is computed here."""
 
 from __future__ import annotations
 
@@ -55,7 +55,8 @@ class UnitsNetwork:
         """The numbers of the actions that target a unit."""
         agents, numbers = np.arange(obs.shape[-2])[:, None], np.arange(self._targets["count"])[None, :]
         scores = np.zeros((*obs.shape[:-1], self._targets["count"]), np.float32)
-        heals = (obs[..., self._targets["heals"]] != 0).any(-1) | np.isin(agents[:, 0], self._targets["healers"])
+        heals = (obs[..., self._targets["heals"]] != 0).any(-1)
+        heals |= np.isin(agents[:, 0], self._targets["healers"])
         rows = {
             "enemies": np.broadcast_to(numbers, (len(agents), numbers.size)),
             # An agent has rows of all allies but itself.
@@ -78,4 +79,5 @@ class UnitsNetwork:
 def _columns(rows: dict[str, Any]) -> NDArray[np.intp]:
     """The columns of every row of a kind, [count, width]."""
     units = np.arange(rows["count"])[:, None]
-    return np.concatenate([start + units * width + np.arange(width) for start, width in rows["parts"]], axis=1)
+    parts = [start + units * width + np.arange(width) for start, width in rows["parts"]]
+    return np.concatenate(parts, axis=1)

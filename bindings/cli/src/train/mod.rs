@@ -101,8 +101,8 @@ macro_rules! hyperparameters {
         struct Hyperparameters {
             $($(#[doc = $doc])+ #[arg(long $(, value_parser = $parser)?)]
                 $name: Option<$type>,)+
-            /// Widths of the hidden layers of both networks, separated by commas; with --network units two, by
-            /// default 32,64: of the embeddings of units, and of the layers behind them [default: 64,64]
+            /// Widths of the hidden layers of both networks, separated by commas; with --network units two,
+            /// by default 32,64: of the embeddings of units, and of the layers behind [default: 64,64]
             #[arg(long, value_delimiter = ',', value_name = "N,...", value_parser = count(2..=4096))]
             hidden: Option<Vec<usize>>,
         }

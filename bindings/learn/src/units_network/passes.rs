@@ -1,4 +1,4 @@
-//! What the passes of a network over units have in common: memory, and loops over rows that belong to samples.
+//! What the passes of a network over units have in common: memory, and loops over rows of samples.
 
 use crate::config::Activation;
 use crate::linear::differentiate;

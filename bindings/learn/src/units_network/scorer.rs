@@ -160,7 +160,8 @@ impl Scorer {
         }
     }
 
-    /// Adds the gradients of the maps, of the trunk and of the embeddings, from those of the actions' numbers.
+    /// Adds the gradients of the maps, of the trunk and of the embeddings, from those of the actions'
+    /// numbers.
     pub fn backward<'a>(
         &self,
         params: &[f32],

@@ -1,5 +1,5 @@
-//! Which columns of an observation or of the state belong to which unit, and which unit an action targets: for
-//! networks that read units one by one. Everything derives from the named features.
+//! Which columns of an observation or of the state belong to which unit, and which unit an action targets:
+//! for networks that read units one by one. Everything derives from the named features.
 
 use super::features::{action_names, obs_features, state_features};
 use crate::features::FeatureBlock;
@@ -18,14 +18,14 @@ pub struct UnitLayout {
     pub rest: Vec<Range<usize>>,
 }
 
-/// The rows of units of a kind. A row is made of parts, which may lie apart: in the state, the last actions of
-/// agents stand behind all units.
+/// The rows of units of a kind. A row is made of parts, which may lie apart: in the state, the last actions
+/// of agents stand behind all units.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct UnitRows {
     /// How many units there are.
     pub count: usize,
-    /// Where the parts begin, and their widths: part (s, w) of row i has the columns s + i w .. s + (i + 1) w.
-    /// The first part has zeros only if the unit is dead or not seen.
+    /// Where the parts begin, and their widths: part (s, w) of row i has the columns from s + i w to
+    /// s + (i + 1) w. The first part has zeros only if the unit is dead or not seen.
     pub parts: Vec<(usize, usize)>,
 }
 
@@ -51,8 +51,8 @@ impl UnitLayout {
         has_units(&blocks).then(|| UnitLayout::new(&blocks, obs_size))
     }
 
-    /// That of the state. A state that consists of observations (`obs_instead_of_state` of `smacv2`) has a row
-    /// per ally, and no enemies.
+    /// That of the state. A state that consists of observations (`obs_instead_of_state` of `smacv2`) has a
+    /// row per ally, and no enemies.
     pub fn of_state(scenario: &Scenario, state_size: usize) -> UnitLayout {
         UnitLayout::new(&state_features(scenario), state_size)
     }
