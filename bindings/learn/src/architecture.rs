@@ -59,7 +59,7 @@ impl From<Sizes> for Inputs {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Architecture {
     Flat(Mlp),
-    Units(UnitsNetwork),
+    Units(Box<UnitsNetwork>),
 }
 
 /// The memory of a forward and a backward pass of any network.
@@ -121,7 +121,8 @@ impl Architecture {
                 let (n_in, layout, targets) = parts(units);
                 let (layout, targets) = (layout.clone(), targets.cloned());
                 let widths = [width, trunk_width];
-                Architecture::Units(UnitsNetwork::new(n_in, layout, targets, widths, config.activation))
+                let network = UnitsNetwork::new(n_in, layout, targets, widths, config.activation);
+                Architecture::Units(Box::new(network))
             }
             (NetworkKind::Units, ..) => unreachable!("Config::check and Inputs::check refuse this"),
             (NetworkKind::Flat, ..) => Architecture::Flat(flat()),

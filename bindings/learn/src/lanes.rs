@@ -7,7 +7,7 @@
 use crate::architecture::Inputs;
 use crate::config::{Config, Enemies};
 use crate::lane_error::LaneError;
-use crate::view::fields_of;
+use crate::view::fields_read;
 use smaclite_engine::{BattleSetup, EpisodeLimit, Faction, Rules, Sizes};
 use smaclite_ipc::{
     Batch, Client, ClientError, ConnectError, LaneConfig, LaneDescription, RuntimeDir, Supervisor,
@@ -81,22 +81,6 @@ pub struct Lanes {
     lanes: Vec<Lane>,
     inputs: Inputs,
     _pool: Option<Supervisor>,
-}
-
-/// Fields that a team reads, besides those that every lane has.
-const FIELDS: [Field; 6] = [
-    Field::Obs,
-    Field::State,
-    Field::AvailActions,
-    Field::BattleWon,
-    Field::EpisodeReturn,
-    Field::EpisodeLength,
-];
-
-/// The fields that a team reads on lanes of these sides.
-fn fields_read(both_sides: bool) -> impl Iterator<Item = Field> {
-    let of_enemies = fields_of(Faction::Enemy).into_iter().chain([Field::Opponent]);
-    FIELDS.into_iter().chain(of_enemies.filter(move |_| both_sides))
 }
 
 impl Lanes {

@@ -39,7 +39,7 @@ use encoder::{Encoder, EncoderMemory};
 use faer::Accum;
 use passes::{activate, differentiate_all, fit};
 use rand_pcg::Pcg64Mcg;
-use scorer::{Scorer, ScorerMemory};
+use scorer::{Pass, Scorer, ScorerMemory};
 use smaclite_engine::{TargetLayout, UnitLayout};
 
 /// Names of the kinds, in their order.
@@ -246,6 +246,7 @@ impl UnitsNetwork {
         for (to, head) in output.chunks_exact_mut(padded).zip(head.chunks_exact(self.head.n_out())) {
             to[..n_head].copy_from_slice(&head[..n_head]);
         }
+        let pass = Pass { params, trunk, activation: self.activation };
         for (kind, scorer, memory) in with_memory(&self.scorers, scorers) {
             let (of_kind, n_targets) = (&encoders[kind], self.n_targets());
             let count = self.encoders[kind].as_ref().map_or(0, Encoder::count);
@@ -260,7 +261,7 @@ impl UnitsNetwork {
             };
             scorer.find(*samples, n_targets, row_of, memory);
             let outputs = output.chunks_exact_mut(padded).map(|row| &mut row[n_head..n_head + n_targets]);
-            scorer.forward(params, trunk, self.activation, of_kind, memory, outputs);
+            scorer.forward(pass, of_kind, memory, outputs);
         }
     }
 
@@ -322,10 +323,11 @@ impl UnitsNetwork {
         for (_, encoder, memory) in with_memory(&self.encoders, encoders) {
             encoder.clear(memory);
         }
+        let pass = Pass { params, trunk, activation: self.activation };
         for (kind, scorer, memory) in with_memory(&self.scorers, scorers) {
             let d_outputs = output.chunks_exact(padded).map(|row| &row[n_head..n_head + n_targets]);
             let of_kind = &mut encoders[kind];
-            scorer.backward(params, trunk, self.activation, d_outputs, of_kind, memory, d_trunk, gradient);
+            scorer.backward(pass, d_outputs, of_kind, memory, d_trunk, gradient);
         }
     }
 }

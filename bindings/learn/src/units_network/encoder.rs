@@ -73,7 +73,10 @@ impl Encoder {
     /// Copies the rows of the units that are seen, so that the others cost nothing.
     pub fn gather<'a>(&self, inputs: impl Iterator<Item = &'a [f32]>, memory: &mut EncoderMemory) {
         let EncoderMemory { begins, samples, row_of, x, .. } = memory;
-        (begins.clear(), samples.clear(), row_of.clear(), x.clear());
+        begins.clear();
+        samples.clear();
+        row_of.clear();
+        x.clear();
         for (sample, input) in inputs.enumerate() {
             begins.push(samples.len() as u32);
             for unit in 0..self.rows.count {

@@ -16,6 +16,15 @@ pub(super) struct Scorer {
     score: Linear,
 }
 
+/// What both passes read.
+#[derive(Clone, Copy)]
+pub(super) struct Pass<'a> {
+    pub params: &'a [f32],
+    /// `[samples, H]`.
+    pub trunk: &'a [f32],
+    pub activation: Activation,
+}
+
 /// The memory of the targets of a kind. A target is a unit that is seen; those of a sample that are not seen
 /// have one in common, whose embedding is zero.
 #[derive(Debug, Default)]
@@ -61,7 +70,8 @@ impl ScorerMemory {
                 kept += 1;
             }
         }
-        (rows.truncate(kept), samples.truncate(kept));
+        rows.truncate(kept);
+        samples.truncate(kept);
     }
 }
 
@@ -95,7 +105,9 @@ impl Scorer {
         memory: &mut ScorerMemory,
     ) {
         let ScorerMemory { target_of, rows, samples, .. } = memory;
-        (target_of.clear(), rows.clear(), samples.clear());
+        target_of.clear();
+        rows.clear();
+        samples.clear();
         for sample in 0..n_samples {
             let mut unseen = UNSEEN;
             for target in 0..count {
@@ -120,9 +132,7 @@ impl Scorer {
     /// Writes the numbers of all actions to `outputs`, one row per sample.
     pub fn forward<'a>(
         &self,
-        params: &[f32],
-        trunk: &[f32],
-        activation: Activation,
+        Pass { params, trunk, activation }: Pass<'_>,
         of_kind: &EncoderMemory,
         memory: &mut ScorerMemory,
         outputs: impl Iterator<Item = &'a mut [f32]>,
@@ -164,9 +174,7 @@ impl Scorer {
     /// numbers.
     pub fn backward<'a>(
         &self,
-        params: &[f32],
-        trunk: &[f32],
-        activation: Activation,
+        Pass { params, trunk, activation }: Pass<'_>,
         d_outputs: impl Iterator<Item = &'a [f32]>,
         of_kind: &mut EncoderMemory,
         memory: &mut ScorerMemory,
