@@ -59,7 +59,7 @@ def test_a_team_over_units_plays_as_the_program_plays_it(tmp_path: Path, scenari
     options: dict[str, Any] = {"network": "units", "actor_lr": 0.01, "steps": 5000, **SMALL}
     team = sp.train(scenario, tmp_path / "run", seed=1, **options)
     team.greedy = True
-    with sp.make(scenario, num_envs=16, **team.settings) as envs:
+    with sp.make(scenario, num_envs=32, **team.settings) as envs:
         ours = sp.evaluate(envs, team, episodes=32, seed=5)
     argv = [sys.executable, "-m", "smaclite_pool", "evaluate", str(tmp_path / "run"), "--episodes=32"]
     done = subprocess.run(

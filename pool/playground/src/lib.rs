@@ -22,6 +22,7 @@ mod battle;
 #[cfg(target_family = "wasm")]
 mod exports;
 mod game;
+mod layer;
 mod network;
 mod protocol;
 mod session;

@@ -1,6 +1,7 @@
 //! Trained teams, from the files that `smaclite-pool train` leaves in a folder.
 
-use crate::network::{Network, NetworkKind, WeightsError};
+use crate::layer::WeightsError;
+use crate::network::{Network, NetworkKind};
 use crate::source::{RunConfig, RunFile, source_of};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;

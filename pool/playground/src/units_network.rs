@@ -1,6 +1,6 @@
 //! The forward pass of an actor over units, in plain loops; `smaclite-learn`'s `units_network.rs` derives it.
 
-use crate::network::{Activation, Layer, WeightsError};
+use crate::layer::{Activation, Layer, WeightsError};
 use safetensors::SafeTensors;
 use smaclite_engine::{TargetLayout, UnitLayout, UnitRows};
 
