@@ -200,7 +200,7 @@ fn a_team_whose_layers_are_empty_is_refused() {
     for (network, hidden, refusal) in [
         ("graph", vec![4], "`network` must be \"flat\" or \"units\", got \"graph\""),
         ("units", vec![4], "a network over units has two widths, got [4]"),
-        ("units", vec![4, 4], "Tensor `actor.own.weight` not found"),
+        ("units", vec![4, 4], "cannot be used: tensor `actor."),
     ] {
         (run["config"]["network"], run["config"]["hidden"]) = (json!(network), json!(hidden));
         let (run, weights) = (run.to_string(), weights(&setup, 4));
