@@ -6,7 +6,7 @@ use crate::wait::run_on_thread;
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use smaclite_engine::{BattleSetup, EpisodeLimit, Opponents, Rules};
+use smaclite_engine::{BattleSetup, EpisodeLimit, Opponents, Rules, TargetLayout, UnitLayout};
 use smaclite_learn::{TeamTensor, TrainedTeam, Weights};
 use std::path::PathBuf;
 
@@ -17,11 +17,21 @@ struct Description<'a> {
     rules: Rules,
     episode_limit: EpisodeLimit,
     opponent: &'a Opponents,
+    obs_shape: [usize; 2],
+    units: Option<Layouts<'a>>,
+}
+
+/// What a network over units needs besides its tensors.
+#[derive(serde::Serialize)]
+struct Layouts<'a> {
+    obs: &'a UnitLayout,
+    targets: &'a TargetLayout,
 }
 
 /// The run in a folder, or a team of the zoo as `zoo:3m`: a dict of `config`, `scenario`, `rules`,
-/// `episode_limit`, `opponent`, and `tensors`, float32 arrays by name. `weights` are "best" or "last"; None
-/// for those that the program takes.
+/// `episode_limit`, `opponent`, `obs_shape` (n_agents and obs_size), `units` (for a network over units, where
+/// observations and actions have which unit; else None), and `tensors`, float32 arrays by name. `weights` are
+/// "best" or "last"; None for those that the program takes.
 ///
 /// Raises:
 ///     InvalidRequest: there is no such team, or its files are damaged.
@@ -38,8 +48,15 @@ pub fn read_team<'py>(
     let run = team.run();
     let BattleSetup { rules, episode_limit, opponents, .. } = &run.setup;
     let (rules, episode_limit) = (*rules, *episode_limit);
-    let described =
-        to_dict(py, &Description { scenario: &run.name, rules, episode_limit, opponent: opponents })?;
+    let described = Description {
+        scenario: &run.name,
+        rules,
+        episode_limit,
+        opponent: opponents,
+        obs_shape: [run.sizes.n_agents, run.sizes.obs_size],
+        units: team.layouts().map(|(obs, targets)| Layouts { obs, targets }),
+    };
+    let described = to_dict(py, &described)?;
     described.set_item("config", to_dict(py, &run.config)?)?;
     let tensors = PyDict::new(py);
     for TeamTensor { name, shape, values } in team.tensors() {

@@ -82,8 +82,11 @@ def read(folder: Path, run: Json) -> Team:
 
     Raises:
         OSError: a file cannot be read.
-        ValueError, KeyError: a file is damaged.
+        ValueError, KeyError: a file is damaged, or the network is not flat.
     """
+    config = run["config"]
+    if config.get("network", "flat") != "flat":
+        raise ValueError(f'`network` of run.json must be "flat" here, got "{config["network"]}"')
     tensors = safetensors(folder / "weights.safetensors")
     layers: list[tuple[Floats, Floats]] = []
     while f"actor.{len(layers)}.weight" in tensors:
@@ -92,7 +95,6 @@ def read(folder: Path, run: Json) -> Team:
         layers.append((tensors[f"{name}.weight"], bias))
     if not layers:
         raise ValueError("weights.safetensors has no tensor `actor.0.weight`")
-    config = run["config"]
     return Team(layers, config["activation"], config.get("last_actions", 0))
 
 

@@ -53,6 +53,32 @@ def test_a_team_plays_as_the_program_plays_it(folder: Path, greedy: bool) -> Non
         assert abs(ours.mean_return - result["mean_return"]) < 5 * error
 
 
+@pytest.mark.parametrize("scenario", ["MMM", "terran_5_vs_5"])
+def test_a_team_over_units_plays_as_the_program_plays_it(tmp_path: Path, scenario: str) -> None:
+    """With a healer among the agents, known by its type, which in one of the scenarios is drawn."""
+    options: dict[str, Any] = {"network": "units", "actor_lr": 0.01, "steps": 5000, **SMALL}
+    team = sp.train(scenario, tmp_path / "run", seed=1, **options)
+    team.greedy = True
+    with sp.make(scenario, num_envs=32, **team.settings) as envs:
+        ours = sp.evaluate(envs, team, episodes=32, seed=5)
+    argv = [sys.executable, "-m", "smaclite_pool", "evaluate", str(tmp_path / "run"), "--episodes=32"]
+    done = subprocess.run(
+        [*argv, "--seed=5", "--greedy", "--json"], capture_output=True, text=True, check=True
+    )
+    result = json.loads(done.stdout.splitlines()[-1])
+    assert ours.mean_return == pytest.approx(result["mean_return"], abs=1e-4)
+    assert ours.win_rate == result["win_rate"] and ours.mean_length == result["mean_length"]
+
+
+def test_a_network_that_is_unknown_is_an_error(tmp_path: Path) -> None:
+    shutil.copytree(Path(__file__).parents[2] / "bindings/learn/zoo/3m", tmp_path / "run")
+    text = (tmp_path / "run/run.json").read_text()
+    (tmp_path / "run/run.json").write_text(text.replace('"hidden"', '"network": "graph", "hidden"'))
+    expected = r'run\.json.*`network` must be "flat" or "units", got "graph"'
+    with pytest.raises(sp.InvalidRequest, match=expected):
+        sp.load_team(tmp_path / "run")
+
+
 def test_what_holds_no_team_is_an_error(tmp_path: Path, folder: Path) -> None:
     with pytest.raises(sp.InvalidRequest, match=r"is not the folder of a run .*: it has no run\.json"):
         sp.load_team(tmp_path)

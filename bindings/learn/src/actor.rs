@@ -1,12 +1,11 @@
 //! From observations to actions. The first layer reads the observations in shared memory.
 
+use crate::architecture::Workspace;
 use crate::math::vectorised;
-use crate::mlp::Workspace;
 use crate::policy::{Choice, choose};
 use crate::random::{Purpose, generator, uniform};
 use crate::team::{Network, agent_ids};
 use crate::view::View;
-use faer::MatRef;
 use smaclite_engine::Sizes;
 
 /// The memory of inference. Rows are agents of environments.
@@ -88,8 +87,7 @@ impl Actor {
         envs: impl Iterator<Item = usize>,
     ) {
         let Rows { sizes: Sizes { n_agents, n_actions, obs_size, .. }, obs, available } = rows;
-        let x = MatRef::from_row_major_slice(obs, obs.len() / obs_size, obs_size); // no copy of shared memory
-        let (rows, padded) = (x.nrows(), network.mlp.padded_out());
+        let (rows, padded) = (obs.len() / obs_size, network.architecture.padded_out());
         if self.ids.len() != rows {
             self.ids = agent_ids(rows, n_agents);
             self.chosen.clear(rows, padded);
@@ -99,7 +97,7 @@ impl Actor {
         for (padded, mask) in masks.zip(available.chunks_exact(n_actions)) {
             padded[..n_actions].copy_from_slice(mask);
         }
-        network.forward(x, &self.ids, &mut self.workspace);
+        network.forward(obs, &self.ids, &mut self.workspace);
         let Actor { workspace, chosen: Chosen { masks, actions, log_probs }, powers, .. } = self;
         let rows = workspace.output().chunks_exact_mut(padded).zip(masks.chunks_exact(padded));
         let chosen = actions.iter_mut().zip(log_probs.iter_mut());

@@ -4,15 +4,14 @@
 //! statistics of the returns, and snapshots of all environments.
 
 use crate::adam::Adam;
+use crate::architecture::{Architecture, Inputs};
 use crate::config::Config;
 use crate::lanes::SavedEnvs;
 use crate::league::{League, Player, Rival};
-use crate::mlp::Mlp;
 use crate::normaliser::Normaliser;
 use crate::rollout::{Against, Ended, Episode};
 use crate::team::{Network, Team};
 use crate::tensors::{Array, Arrays, FileError, encode, read, write};
-use smaclite_engine::Sizes;
 use std::path::Path;
 
 /// How far a run has come.
@@ -89,7 +88,7 @@ impl Checkpoint {
     pub fn read(
         path: &Path,
         config: &Config,
-        sizes: Sizes,
+        inputs: &Inputs,
         read_rival: &mut ReadRival<'_>,
     ) -> Result<Checkpoint, FileError> {
         let bytes = read(path)?;
@@ -97,7 +96,7 @@ impl Checkpoint {
         let counts: Vec<u64> = arrays.shaped("counts", &[5])?;
         let times: Vec<f64> = arrays.shaped("times", &[2])?;
         let normaliser: Vec<f64> = arrays.shaped("normaliser", &[3])?;
-        let mut team = Team::new(config, sizes);
+        let mut team = Team::new(config, inputs);
         team.normaliser = Normaliser { mean: normaliser[0], square: normaliser[1], weight: normaliser[2] };
         read_network(&arrays, "actor", counts[3], &mut team.actor)?;
         read_network(&arrays, "critic", counts[4], &mut team.critic)?;
@@ -185,7 +184,7 @@ fn read_recent(arrays: &Arrays) -> Result<Vec<Ended>, FileError> {
 
 /// Reads the parameters of a network and its optimiser, which has made `steps` steps.
 fn read_network(arrays: &Arrays, name: &str, steps: u64, network: &mut Network) -> Result<(), FileError> {
-    let shape = [network.mlp.n_params()];
+    let shape = [network.architecture.n_params()];
     network.params = arrays.shaped(&format!("{name}.params"), &shape)?;
     let mean = arrays.shaped(&format!("{name}.adam.mean"), &shape)?;
     let square = arrays.shaped(&format!("{name}.adam.square"), &shape)?;
@@ -211,18 +210,18 @@ pub(crate) fn write_actor(path: &Path, actor: &Network) -> Result<(), FileError>
 }
 
 fn tensors<'a>((prefix, network): (&'a str, &'a Network)) -> impl Iterator<Item = Array> + 'a {
-    network.mlp.tensors().into_iter().map(move |tensor| {
+    network.architecture.tensors().into_iter().map(move |tensor| {
         let name = format!("{prefix}.{}", tensor.name);
         Array::new(name, &tensor.shape, &network.params[tensor.range])
     })
 }
 
 /// Reads the actor of such a file.
-pub(crate) fn read_actor(path: &Path, mlp: Mlp) -> Result<Network, FileError> {
+pub(crate) fn read_actor(path: &Path, architecture: Architecture) -> Result<Network, FileError> {
     let bytes = read(path)?;
     let arrays = Arrays::decode(path, &bytes)?;
-    let mut params = vec![0.0; mlp.n_params()];
-    for tensor in mlp.tensors() {
+    let mut params = vec![0.0; architecture.n_params()];
+    for tensor in architecture.tensors() {
         let name = format!("actor.{}", tensor.name);
         let values: Vec<f32> = arrays.shaped(&name, &tensor.shape)?;
         if let Some(value) = values.iter().find(|value| !value.is_finite()) {
@@ -231,7 +230,7 @@ pub(crate) fn read_actor(path: &Path, mlp: Mlp) -> Result<Network, FileError> {
         params[tensor.range].copy_from_slice(&values);
     }
     let adam = Adam::new(0);
-    Ok(Network { mlp, params, adam })
+    Ok(Network { architecture, params, adam })
 }
 
 #[cfg(test)]

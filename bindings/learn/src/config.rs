@@ -29,6 +29,54 @@ pub enum Activation {
     Tanh,
 }
 
+/// The network of actor and critic.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum NetworkKind {
+    /// Layers over all features: each has weights of its own.
+    #[default]
+    Flat,
+    /// Over units: all enemies share weights, and so do all allies, and their order does not matter.
+    Units,
+}
+
+impl NetworkKind {
+    /// Both, in the order of messages.
+    pub const BOTH: [NetworkKind; 2] = [NetworkKind::Flat, NetworkKind::Units];
+
+    /// The keyword in files and options.
+    pub fn name(self) -> &'static str {
+        match self {
+            NetworkKind::Flat => "flat",
+            NetworkKind::Units => "units",
+        }
+    }
+
+    /// The default of [`Config::hidden`].
+    pub fn default_hidden(self) -> Vec<usize> {
+        match self {
+            NetworkKind::Flat => vec![64, 64],
+            NetworkKind::Units => vec![32, 64],
+        }
+    }
+
+    fn is_flat(&self) -> bool {
+        *self == NetworkKind::Flat
+    }
+}
+
+/// With a message that names the key of `run.json`, which serde's would not.
+impl<'de> Deserialize<'de> for NetworkKind {
+    fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<NetworkKind, D::Error> {
+        let value = serde_json::Value::deserialize(deserializer)?;
+        let found = NetworkKind::BOTH.into_iter().find(|kind| value.as_str() == Some(kind.name()));
+        found.ok_or_else(|| {
+            let given = shortened(&value.to_string());
+            serde::de::Error::custom(format!("`network` must be \"flat\" or \"units\", got {given}"))
+        })
+    }
+}
+
 /// A keyword that is none of those expected.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("expected `{}`, got `{given}`", expected.join("` or `"))]
@@ -52,6 +100,15 @@ impl std::str::FromStr for Algorithm {
             "ippo" => Ok(Algorithm::Ippo),
             _ => Err(UnknownKeyword::new(["mappo", "ippo"], keyword)),
         }
+    }
+}
+
+impl std::str::FromStr for NetworkKind {
+    type Err = UnknownKeyword;
+
+    fn from_str(keyword: &str) -> Result<NetworkKind, UnknownKeyword> {
+        let found = NetworkKind::BOTH.into_iter().find(|kind| kind.name() == keyword);
+        found.ok_or_else(|| UnknownKeyword::new(NetworkKind::BOTH.map(NetworkKind::name), keyword))
     }
 }
 
@@ -88,7 +145,11 @@ pub struct Config {
     pub epochs: usize,
     /// Gradient steps per epoch, 1 to 1000.
     pub minibatches: usize,
-    /// Widths of the hidden layers of both networks, 1 to 8 layers of 2 to 4096.
+    /// The network of actor and critic.
+    #[serde(default, skip_serializing_if = "NetworkKind::is_flat")] // older runs have none
+    pub network: NetworkKind,
+    /// Widths of the hidden layers of both networks, 1 to 8 layers of 2 to 4096; of networks over units two
+    /// widths, that of the embedding of a unit and that of the layers behind.
     pub hidden: Vec<usize>,
     /// The non-linearity of the hidden layers.
     pub activation: Activation,
@@ -158,7 +219,8 @@ impl Config {
             horizon: 64,
             epochs: 4,
             minibatches: 8,
-            hidden: vec![64, 64],
+            network: NetworkKind::Flat,
+            hidden: NetworkKind::Flat.default_hidden(),
             activation: Activation::Relu,
             actor_lr: 7e-4,
             critic_lr: 1e-3,
@@ -214,9 +276,13 @@ impl Config {
         ensure(samples <= 1 << 20, "num_envs times horizon", "at most 1048576", &samples)?;
         count("epochs", self.epochs, "between 1 and 1000", 1000)?;
         count("minibatches", self.minibatches, "between 1 and 1000", 1000)?;
-        let layers = (1..=8).contains(&self.hidden.len());
+        let (layers, accepted) = match self.network {
+            NetworkKind::Flat => (1..=8, "1 to 8 widths between 2 and 4096"),
+            NetworkKind::Units => (2..=2, "2 widths between 2 and 4096 for networks over units"),
+        };
         let widths = self.hidden.iter().all(|width| (2..=4096).contains(width));
-        ensure(layers && widths, "hidden", "1 to 8 widths between 2 and 4096", &format!("{:?}", self.hidden))
+        let given = format!("{:?}", self.hidden);
+        ensure(layers.contains(&self.hidden.len()) && widths, "hidden", accepted, &given)
     }
 
     fn check_factors(&self) -> Result<(), ConfigError> {

@@ -1,10 +1,11 @@
 //! What a folder of a run says to others: `run.json`, and the weights of its team.
 
+use crate::architecture::{Architecture, Inputs};
 use crate::checkpoint::read_actor;
 use crate::config::{Config, Enemies, UnknownKeyword};
 use crate::lane_error::LaneError;
 use crate::lanes::{Lanes, sizes_with_history};
-use crate::team::{Network, actor_mlp};
+use crate::team::Network;
 use crate::tensors::{FileError, exists, read, write};
 use crate::zoo;
 use serde::{Deserialize, Serialize};
@@ -42,6 +43,8 @@ pub struct RunDescription {
     pub name: String,
     /// The sizes of its environments; `obs_size` includes the last actions.
     pub sizes: Sizes,
+    /// What its networks are built for.
+    pub(crate) inputs: Inputs,
 }
 
 impl RunDescription {
@@ -63,13 +66,21 @@ impl RunDescription {
         }
         let file: RunFile = serde_json::from_slice(&read(&path)?).map_err(|error| damaged(&error))?;
         file.config.check().map_err(|error| damaged(&error))?;
-        RunDescription::new(file.config, file.setup).map_err(|error| damaged(&error))
+        let run = RunDescription::new(file.config, file.setup).map_err(|error| damaged(&error))?;
+        run.inputs.check(&run.config).map_err(|error| damaged(&error))?;
+        Ok(run)
     }
 
     pub(crate) fn new(config: Config, setup: BattleSetup) -> Result<RunDescription, Problems> {
         let (scenario, arena) = setup.arena()?;
         let sizes = sizes_with_history(arena.sizes(), config.last_actions);
-        Ok(RunDescription { config, name: scenario.name, sizes, setup })
+        let inputs = Inputs::new(&scenario, sizes);
+        Ok(RunDescription { config, name: scenario.name, sizes, inputs, setup })
+    }
+
+    /// The network of the team's policy.
+    pub(crate) fn actor(&self) -> Architecture {
+        Architecture::actor(&self.config, &self.inputs)
     }
 
     /// What the lanes of the run play.
@@ -144,8 +155,7 @@ pub(crate) fn read_team(
     let run = RunDescription::read(folder)?;
     let weights = weights.unwrap_or_else(|| Weights::of(folder, &run));
     weights.check_kept(folder)?;
-    let mlp = actor_mlp(&run.config, run.sizes);
-    let actor = read_actor(&folder.join(weights.file_name()), mlp)?;
+    let actor = read_actor(&folder.join(weights.file_name()), run.actor())?;
     Ok((run, weights, actor))
 }
 

@@ -99,7 +99,7 @@ impl EnemyActor {
         self.players.clear();
         self.players.extend(players(batch, teams.league, first_env));
         let n_rows = self.players.len() * view.sizes.n_agents;
-        self.chosen.clear(n_rows, teams.own.mlp.padded_out());
+        self.chosen.clear(n_rows, teams.own.architecture.padded_out());
         let mut distinct: Vec<Player> = self.players.iter().copied().flatten().collect();
         distinct.sort_unstable();
         distinct.dedup();

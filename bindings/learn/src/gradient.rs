@@ -1,13 +1,12 @@
 //! The gradient of a minibatch. Its rows are divided into jobs, whose gradients are summed in their order; so
 //! the result depends neither on the number of threads nor on which of them is fast.
 
+use crate::architecture::Workspace;
 use crate::loss::{PolicyLoss, PolicyRow, PolicyStats, ValueLoss};
 use crate::math::{add, vectorised};
-use crate::mlp::Workspace;
 use crate::parallel::{self, Interrupted};
 use crate::rollout::Rollout;
 use crate::team::{Network, Team};
-use faer::MatRef;
 
 /// Rows of one pass: enough for fast products, and few enough that their activations stay in the L2 cache.
 const BLOCK: usize = 256;
@@ -164,8 +163,7 @@ fn differentiate_policy(
         memory.gather(&data.rollout.obs, sizes.obs_size, rows, sizes.n_agents);
         let ThreadMemory { workspace, inputs, ids, powers } = memory;
         powers.resize(padded_actions, 0.0);
-        let x = MatRef::from_row_major_slice(inputs, rows.len(), sizes.obs_size);
-        network.forward(x, ids, workspace);
+        network.forward(inputs, ids, workspace);
         let outputs = workspace.output();
         let stats = &mut result.policy_stats;
         vectorised(
@@ -183,7 +181,7 @@ fn differentiate_policy(
                 }
             },
         );
-        network.mlp.backward(&network.params, x, ids, workspace, &mut result.gradient);
+        network.backward(inputs, ids, workspace, &mut result.gradient);
     }
 }
 
@@ -198,9 +196,8 @@ fn differentiate_values(
     for rows in rows.chunks(BLOCK) {
         memory.gather(data.critic_inputs, data.critic_size, rows, data.values_per_env);
         let ThreadMemory { workspace, inputs, ids, .. } = memory;
-        let x = MatRef::from_row_major_slice(inputs, rows.len(), data.critic_size);
-        network.forward(x, ids, workspace);
-        let width = network.mlp.padded_out();
+        network.forward(inputs, ids, workspace);
+        let width = network.architecture.padded_out();
         for (row, outputs) in rows.iter().zip(workspace.output().chunks_exact_mut(width)) {
             let (old, target) = (data.old_values[*row as usize], data.targets[*row as usize]);
             let (loss, derivative) = minibatch.value.differentiate(outputs[0], old, target);
@@ -208,7 +205,7 @@ fn differentiate_values(
             outputs[0] = derivative;
             result.value_loss += f64::from(loss);
         }
-        network.mlp.backward(&network.params, x, ids, workspace, &mut result.gradient);
+        network.backward(inputs, ids, workspace, &mut result.gradient);
     }
 }
 
@@ -230,8 +227,8 @@ pub(crate) fn values(
         |(job, (values, inputs)), ThreadMemory { workspace, ids, .. }| {
             ids.clear();
             ids.extend((0..values.len()).map(|row| ((job * BLOCK + row) % values_per_env) as u16));
-            network.forward(MatRef::from_row_major_slice(inputs, values.len(), size), ids, workspace);
-            let outputs = workspace.output().chunks_exact(network.mlp.padded_out());
+            network.forward(inputs, ids, workspace);
+            let outputs = workspace.output().chunks_exact(network.architecture.padded_out());
             values.iter_mut().zip(outputs).for_each(|(value, outputs)| *value = outputs[0]);
         },
     )?;

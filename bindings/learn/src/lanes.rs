@@ -4,9 +4,10 @@
 //! Environment `i` of the run is environment `i` minus the number of environments in the lanes before. Its
 //! seed and its actions depend on `i` alone, not on the lanes.
 
+use crate::architecture::Inputs;
 use crate::config::{Config, Enemies};
 use crate::lane_error::LaneError;
-use crate::view::fields_of;
+use crate::view::fields_read;
 use smaclite_engine::{BattleSetup, EpisodeLimit, Faction, Rules, Sizes};
 use smaclite_ipc::{
     Batch, Client, ClientError, ConnectError, LaneConfig, LaneDescription, RuntimeDir, Supervisor,
@@ -78,24 +79,8 @@ pub(crate) struct SavedEnvs {
 /// The lanes of a run. Fields are dropped in order: the clients before the pool.
 pub struct Lanes {
     lanes: Vec<Lane>,
-    sizes: Sizes,
+    inputs: Inputs,
     _pool: Option<Supervisor>,
-}
-
-/// Fields that a team reads, besides those that every lane has.
-const FIELDS: [Field; 6] = [
-    Field::Obs,
-    Field::State,
-    Field::AvailActions,
-    Field::BattleWon,
-    Field::EpisodeReturn,
-    Field::EpisodeLength,
-];
-
-/// The fields that a team reads on lanes of these sides.
-fn fields_read(both_sides: bool) -> impl Iterator<Item = Field> {
-    let of_enemies = fields_of(Faction::Enemy).into_iter().chain([Field::Opponent]);
-    FIELDS.into_iter().chain(of_enemies.filter(move |_| both_sides))
 }
 
 impl Lanes {
@@ -190,7 +175,8 @@ impl Lanes {
             lanes.push(Lane { client, first_env, settings, batch: None, over, is_restored: false });
             first_env += settings.num_envs;
         }
-        Ok(Lanes { lanes, sizes, _pool: None })
+        let inputs = Inputs::new(&scenario, sizes);
+        Ok(Lanes { lanes, inputs, _pool: None })
     }
 
     /// Checks that the lanes have the environments and the observations of a run.
@@ -214,16 +200,16 @@ impl Lanes {
     /// Checks that joint actions play the sides that the run has teams for, and that one team can play both.
     fn check_sides(&self, enemies: &Enemies) -> Result<(), LaneError> {
         let Some(Lane { client, .. }) = self.lanes.first() else { return Ok(()) };
-        let of_enemies = self.sizes.of(Faction::Enemy);
+        let of_enemies = self.sizes().of(Faction::Enemy);
         if of_enemies.is_some() == enemies.are_scripts() {
             let name = |both| if both { "both" } else { "allies" };
             let (given, expected) = (name(of_enemies.is_some()), name(!enemies.are_scripts()));
             return Err(LaneError::Sides { lane: client.description().lane.clone(), given, expected });
         }
         match (enemies, of_enemies) {
-            (Enemies::SelfPlay(_), Some(of_enemies)) if !is_playable(self.sizes, of_enemies) => {
+            (Enemies::SelfPlay(_), Some(of_enemies)) if !is_playable(self.sizes(), of_enemies) => {
                 let scenario = client.description().scenario.clone();
-                let (agents, enemies) = (in_words(self.sizes), in_words(of_enemies));
+                let (agents, enemies) = (in_words(self.sizes()), in_words(of_enemies));
                 Err(LaneError::UnequalSides { scenario, agents, enemies })
             }
             _ => Ok(()),
@@ -233,7 +219,7 @@ impl Lanes {
     /// Checks that a team that was trained as allies with these sizes can play the enemies.
     pub(crate) fn check_rival(&self, folder: &Path, sizes: Sizes) -> Result<(), LaneError> {
         let (Some(Lane { client, .. }), Some(of_enemies)) =
-            (self.lanes.first(), self.sizes.of(Faction::Enemy))
+            (self.lanes.first(), self.sizes().of(Faction::Enemy))
         else {
             return Ok(());
         };
@@ -261,7 +247,12 @@ impl Lanes {
 
     /// Sizes of an environment; `obs_size` includes the last actions.
     pub fn sizes(&self) -> Sizes {
-        self.sizes
+        self.inputs.sizes
+    }
+
+    /// What networks that play on the lanes are built for.
+    pub(crate) fn inputs(&self) -> &Inputs {
+        &self.inputs
     }
 
     /// How many lanes there are.

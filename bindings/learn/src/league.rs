@@ -151,7 +151,7 @@ mod tests {
             n_phases: 0,
             enemies: None,
         };
-        let actor = Team::new(&Config { hidden: vec![4], ..Config::for_agents(3) }, sizes).actor;
+        let actor = Team::new(&Config { hidden: vec![4], ..Config::for_agents(3) }, &sizes.into()).actor;
         Rival { win_rate, ..Rival::new(number, actor) }
     }
 

@@ -9,8 +9,9 @@
 //!    the team itself, or of a rival of the `league`. Either side is read through a `view`.
 //! 2. `ppo` values every state with the critic; `gae` estimates advantages and returns from the values, and
 //!    `normaliser` scales them.
-//! 3. For some epochs of minibatches, `gradient` computes the gradient: `mlp` the passes through the
-//!    networks, `loss` what lies between. `adam` clips it and makes a step.
+//! 3. For some epochs of minibatches, `gradient` computes the gradient: `architecture` the passes through
+//!    the networks (`mlp` or `units_network`, both of `linear` maps), `loss` what lies between. `adam` clips
+//!    it and makes a step.
 //!
 //! `training` repeats this, `run` adds the files of a folder (`checkpoint`, `log`), `evaluations` are played
 //! while a run trains, `seeds` trains several runs at a time, `report` compares those of several algorithms
@@ -28,6 +29,7 @@
 
 mod actor;
 mod adam;
+mod architecture;
 mod checkpoint;
 mod collect;
 mod config;
@@ -44,6 +46,7 @@ mod lane_error;
 mod lane_opponents;
 mod lanes;
 mod league;
+mod linear;
 mod log;
 mod loss;
 mod math;
@@ -63,14 +66,15 @@ mod tensors;
 mod tournament;
 mod trained_team;
 mod training;
+mod units_network;
 mod view;
 mod zoo;
 mod zoo_cards;
 mod zoo_folders;
 
 pub use config::{
-    Activation, Algorithm, Config, ConfigError, Enemies, STATE_CRITIC_AGENTS, SelfPlay, TEAM_ENTROPY,
-    UnknownKeyword,
+    Activation, Algorithm, Config, ConfigError, Enemies, NetworkKind, STATE_CRITIC_AGENTS, SelfPlay,
+    TEAM_ENTROPY, UnknownKeyword,
 };
 pub use dataset::{
     ARRAYS, Amount, ArrayName, ArraySpec, Card, Dataset, DatasetError, Distribution,

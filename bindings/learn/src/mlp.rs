@@ -18,10 +18,9 @@
 //! padded to a multiple of [`WIDTH`] with rows of W that stay zero, because nothing depends on them.
 
 use crate::config::Activation;
-use crate::math::{WIDTH, tanh, vectorised};
-use crate::random::normal;
-use faer::linalg::matmul::matmul;
-use faer::{Accum, MatMut, MatRef, Par};
+use crate::linear::{Tensor, add_bias, differentiate, matrix, matrix_mut, multiply, orthogonal, sum_rows};
+use crate::math::{WIDTH, vectorised};
+use faer::{Accum, MatRef};
 use rand_pcg::Pcg64Mcg;
 use std::ops::Range;
 
@@ -44,17 +43,6 @@ struct Layer {
     n_out: usize,
     weight: Range<usize>,
     bias: Range<usize>,
-}
-
-/// A parameter tensor in the vector of parameters.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Tensor {
-    /// `0.weight`, `0.bias`, `id_bias`, `1.weight`, ...
-    pub name: String,
-    /// Without padding.
-    pub shape: Vec<usize>,
-    /// Its elements; padding follows them.
-    pub range: Range<usize>,
 }
 
 /// The memory of a forward and a backward pass. It holds no state between passes, and only grows.
@@ -232,52 +220,6 @@ impl Mlp {
     }
 }
 
-fn matrix(values: &[f32], rows: usize, columns: usize) -> MatRef<'_, f32> {
-    MatRef::from_row_major_slice(values, rows, columns)
-}
-
-fn matrix_mut(values: &mut [f32], rows: usize, columns: usize) -> MatMut<'_, f32> {
-    MatMut::from_row_major_slice_mut(values, rows, columns)
-}
-
-/// `to = a b` or `to += a b`. The order of faer's sums in a product of a matrix and a vector depends on the
-/// address of the vector, which differs from run to run; so those are computed here.
-fn multiply(mut to: MatMut<'_, f32>, accum: Accum, a: MatRef<'_, f32>, b: MatRef<'_, f32>) {
-    if to.nrows() > 1 && to.ncols() > 1 {
-        return matmul(to, accum, a, b, 1.0, Par::Seq);
-    }
-    for i in 0..to.nrows() {
-        for j in 0..to.ncols() {
-            let product: f32 = (0..a.ncols()).map(|k| a[(i, k)] * b[(k, j)]).sum();
-            to[(i, j)] = if let Accum::Add = accum { to[(i, j)] + product } else { product };
-        }
-    }
-}
-
-#[inline(always)]
-fn add_bias(z: &mut [f32], bias: &[f32], id_bias: &[f32], ids: &[u16], activation: Option<Activation>) {
-    let width = bias.len();
-    for (i, row) in z.chunks_exact_mut(width).enumerate() {
-        if !id_bias.is_empty() {
-            let id = usize::from(ids[i]);
-            row.iter_mut().zip(&id_bias[id * width..][..width]).for_each(|(z, bias)| *z += bias);
-        }
-        let row = row.iter_mut().zip(bias);
-        match activation {
-            None => row.for_each(|(z, bias)| *z += bias),
-            Some(Activation::Relu) => row.for_each(|(z, bias)| *z = (*z + bias).max(0.0)),
-            Some(Activation::Tanh) => row.for_each(|(z, bias)| *z = tanh(*z + bias)),
-        }
-    }
-}
-
-#[inline(always)]
-fn sum_rows(to: &mut [f32], rows: &[f32]) {
-    for row in rows.chunks_exact(to.len()) {
-        to.iter_mut().zip(row).for_each(|(to, value)| *to += value);
-    }
-}
-
 #[inline(always)]
 fn sum_rows_by_id(to: &mut [f32], rows: &[f32], ids: &[u16], width: usize) {
     if to.is_empty() {
@@ -287,38 +229,6 @@ fn sum_rows_by_id(to: &mut [f32], rows: &[f32], ids: &[u16], width: usize) {
         let to = &mut to[usize::from(*id) * width..][..width];
         to.iter_mut().zip(row).for_each(|(to, value)| *to += value);
     }
-}
-
-/// Multiplies dL/dA by the derivative of the activation, given its outputs.
-#[inline(always)]
-fn differentiate(delta: &mut [f32], outputs: &[f32], activation: Activation) {
-    let both = delta.iter_mut().zip(outputs);
-    match activation {
-        Activation::Relu => both.for_each(|(d, a)| *d = if *a > 0.0 { *d } else { 0.0 }),
-        Activation::Tanh => both.for_each(|(d, a)| *d *= 1.0 - a * a),
-    }
-}
-
-/// A random `[rows, columns]` matrix, row-major, with orthonormal rows or, if there are more rows than
-/// columns, orthonormal columns: Gaussian vectors, made orthogonal one after the other (Gram and Schmidt).
-/// The second pass removes what rounding left of the first.
-fn orthogonal(rows: usize, columns: usize, generator: &mut Pcg64Mcg) -> Vec<f64> {
-    let (count, len) = (rows.min(columns), rows.max(columns));
-    let mut vectors: Vec<Vec<f64>> = Vec::with_capacity(count);
-    while vectors.len() < count {
-        let mut vector: Vec<f64> = (0..len).map(|_| normal(generator)).collect();
-        for other in vectors.iter().chain(&vectors) {
-            let projection: f64 = vector.iter().zip(other).map(|(a, b)| a * b).sum();
-            vector.iter_mut().zip(other).for_each(|(a, b)| *a -= projection * b);
-        }
-        let norm = vector.iter().map(|a| a * a).sum::<f64>().sqrt();
-        if norm > 1e-6 {
-            vector.iter_mut().for_each(|a| *a /= norm);
-            vectors.push(vector);
-        }
-    }
-    let at = |i: usize, j: usize| if rows <= columns { vectors[i][j] } else { vectors[j][i] };
-    (0..rows * columns).map(|k| at(k / columns, k % columns)).collect()
 }
 
 #[cfg(test)]

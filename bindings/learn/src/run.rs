@@ -25,7 +25,6 @@ use crate::evaluations::{EvaluationFiles, EvaluationRow, Evaluations};
 use crate::lane_error::LaneError;
 use crate::lanes::Lanes;
 use crate::log::{CsvLog, TensorBoardLog};
-use crate::team::actor_mlp;
 use crate::tensors::{FileError, remove_incomplete};
 use crate::training::{Record, TrainError, Training};
 use crate::zoo_folders;
@@ -169,13 +168,13 @@ impl Run {
         description.config.steps = steps.unwrap_or(description.config.steps);
         let RunDescription { config, setup, .. } = description.clone();
         let lanes = lanes.for_run(&config)?;
-        let mlp = actor_mlp(&config, lanes.sizes());
+        let actor = description.actor();
         let mut read_rival = |number| match number {
             0 => read_team(&folder.join(OPPONENT), Some(Weights::Last)).map(|(_, _, network)| network),
-            number => read_actor(&copy_path(folder, number), mlp.clone()),
+            number => read_actor(&copy_path(folder, number), actor.clone()),
         };
         let path = folder.join("checkpoint.safetensors");
-        let state = Checkpoint::read(&path, &config, lanes.sizes(), &mut read_rival)?;
+        let state = Checkpoint::read(&path, &config, &description.inputs, &mut read_rival)?;
         let training = Training::resume(config, lanes, threads, state)?;
         write_description(folder, &training.config, &setup)?;
         Run::open(folder, &description, training, threads, lock)

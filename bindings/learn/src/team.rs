@@ -1,12 +1,10 @@
 //! What is trained: the networks of actor and critic, their optimisers, and the statistics of the returns.
 
 use crate::adam::Adam;
-use crate::config::{Algorithm, Config};
-use crate::mlp::{Mlp, Workspace};
+use crate::architecture::{Architecture, Inputs, Workspace};
+use crate::config::Config;
 use crate::normaliser::{Normaliser, preserve_predictions};
 use crate::random::{Purpose, generator};
-use faer::MatRef;
-use smaclite_engine::Sizes;
 
 /// The first policy is almost uniform, so that it explores.
 const ACTOR_GAIN: f64 = 0.01;
@@ -15,25 +13,32 @@ const CRITIC_GAIN: f64 = 1.0;
 /// A network and its optimiser.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Network {
-    pub mlp: Mlp,
+    pub architecture: Architecture,
     pub params: Vec<f32>,
     pub adam: Adam,
 }
 
 impl Network {
-    fn new(mlp: Mlp, gain: f64, seed: u64, number: u64) -> Network {
-        let params = mlp.initial_params(gain, &mut generator(seed, Purpose::Weights, [number, 0]));
+    fn new(architecture: Architecture, gain: f64, seed: u64, number: u64) -> Network {
+        let params = architecture.initial_params(gain, &mut generator(seed, Purpose::Weights, [number, 0]));
         let adam = Adam::new(params.len());
-        Network { mlp, params, adam }
+        Network { architecture, params, adam }
     }
 
     /// The same network, for playing alone.
     pub fn without_optimiser(&self) -> Network {
-        Network { mlp: self.mlp.clone(), params: self.params.clone(), adam: Adam::new(0) }
+        let (architecture, params) = (self.architecture.clone(), self.params.clone());
+        Network { architecture, params, adam: Adam::new(0) }
     }
 
-    pub fn forward(&self, x: MatRef<'_, f32>, ids: &[u16], workspace: &mut Workspace) {
-        self.mlp.forward(&self.params, x, ids, workspace);
+    /// Computes the outputs of all rows of `x`; `ids` has the agent of each.
+    pub fn forward(&self, x: &[f32], ids: &[u16], workspace: &mut Workspace) {
+        self.architecture.forward(&self.params, x, ids, workspace);
+    }
+
+    /// Adds the gradient of the parameters, after the forward pass of the same rows.
+    pub fn backward(&self, x: &[f32], ids: &[u16], workspace: &mut Workspace, gradient: &mut [f32]) {
+        self.architecture.backward(&self.params, x, ids, workspace, gradient);
     }
 }
 
@@ -45,22 +50,12 @@ pub(crate) struct Team {
     pub normaliser: Normaliser,
 }
 
-/// The shape of the network of a team's actor.
-pub(crate) fn actor_mlp(config: &Config, sizes: Sizes) -> Mlp {
-    Mlp::new(sizes.obs_size, &config.hidden, sizes.n_actions, sizes.n_agents, config.activation)
-}
-
 impl Team {
     /// A team with first weights.
-    pub fn new(config: &Config, sizes: Sizes) -> Team {
-        let mlp = |n_in, n_ids| Mlp::new(n_in, &config.hidden, 1, n_ids, config.activation);
-        let critic = match config.algorithm {
-            Algorithm::Mappo => mlp(sizes.state_size, 0),
-            Algorithm::Ippo => mlp(sizes.obs_size, sizes.n_agents),
-        };
+    pub fn new(config: &Config, inputs: &Inputs) -> Team {
         Team {
-            actor: Network::new(actor_mlp(config, sizes), ACTOR_GAIN, config.seed, 0),
-            critic: Network::new(critic, CRITIC_GAIN, config.seed, 1),
+            actor: Network::new(Architecture::actor(config, inputs), ACTOR_GAIN, config.seed, 0),
+            critic: Network::new(Architecture::critic(config, inputs), CRITIC_GAIN, config.seed, 1),
             normaliser: Normaliser::default(),
         }
     }
@@ -70,7 +65,7 @@ impl Team {
         let old = self.normaliser.mean_and_deviation();
         self.normaliser.update(returns);
         let new = self.normaliser.mean_and_deviation();
-        let tensors = self.critic.mlp.tensors();
+        let tensors = self.critic.architecture.tensors();
         let last = tensors.iter().filter(|tensor| tensor.name != "id_bias").collect::<Vec<_>>();
         if let [.., weight, bias] = last[..] {
             let (before, from_bias) = self.critic.params.split_at_mut(bias.range.start);
@@ -88,6 +83,8 @@ pub(crate) fn agent_ids(n_rows: usize, n_agents: usize) -> Vec<u16> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config::Algorithm;
+    use smaclite_engine::Sizes;
 
     #[test]
     fn a_change_of_the_returns_changes_no_prediction() {
@@ -102,14 +99,13 @@ mod tests {
             enemies: None,
         };
         for algorithm in [Algorithm::Mappo, Algorithm::Ippo] {
-            let mut team = Team::new(&Config { algorithm, ..Config::for_agents(3) }, sizes);
+            let mut team = Team::new(&Config { algorithm, ..Config::for_agents(3) }, &sizes.into());
             let x: Vec<f32> = (0..20).map(|i| i as f32 / 10.0).collect();
             let predict = |team: &Team| {
                 let mut workspace = Workspace::default();
                 let ids = agent_ids(4, 2);
                 let n_in = if algorithm == Algorithm::Mappo { 5 } else { 4 };
-                let x = MatRef::from_row_major_slice(&x[..4 * n_in], 4, n_in);
-                team.critic.forward(x, &ids, &mut workspace);
+                team.critic.forward(&x[..4 * n_in], &ids, &mut workspace);
                 let (mean, deviation) = team.normaliser.mean_and_deviation();
                 let values = workspace.output().iter().step_by(8);
                 values.map(|value| f64::from(*value) * deviation + mean).collect::<Vec<f64>>()

@@ -1,15 +1,15 @@
 //! A trained team that plays one side of a single battle, which its caller steps: no lane, no pool.
 
 use crate::actor::{Actor, Draw, Rows};
+use crate::architecture::Workspace;
 use crate::description::{RunDescription, Weights, read_team};
 use crate::lanes::sizes_with_history;
-use crate::mlp::{Tensor, Workspace};
+use crate::linear::Tensor;
 use crate::policy::Choice;
 use crate::random::Purpose;
 use crate::team::{Network, agent_ids};
 use crate::tensors::FileError;
-use faer::MatRef;
-use smaclite_engine::{Arena, Battle, Scratch, Sizes, action};
+use smaclite_engine::{Arena, Battle, Scratch, Sizes, TargetLayout, UnitLayout, action};
 use smaclite_scenarios::Faction;
 use std::path::Path;
 
@@ -20,7 +20,8 @@ pub struct TrainedTeam {
     pub(crate) network: Network,
 }
 
-/// A tensor of a team's network, as its file has it: `0.weight`, `0.bias` and so on, and `id_bias`.
+/// A tensor of a team's network, as its file has it: `0.weight`, `0.bias` and so on, and `id_bias`; of a
+/// network over units `own.weight`, `enemies.0.weight` and so on.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TeamTensor {
     /// The name, without `actor.`.
@@ -74,13 +75,19 @@ impl TrainedTeam {
 
     /// The tensors of its network.
     pub fn tensors(&self) -> Vec<TeamTensor> {
-        let Network { mlp, params, .. } = &self.network;
-        let tensors = mlp.tensors().into_iter();
+        let Network { architecture, params, .. } = &self.network;
+        let tensors = architecture.tensors().into_iter();
         let copy = |tensor: Tensor| {
             let (name, shape) = (tensor.name, tensor.shape);
             TeamTensor { name, shape, values: params[tensor.range].to_vec() }
         };
         tensors.map(copy).collect()
+    }
+
+    /// For a network over units, which columns of an observation belong to which unit, and what actions
+    /// target; `None` for a flat one.
+    pub fn layouts(&self) -> Option<(&UnitLayout, &TargetLayout)> {
+        self.network.architecture.layouts()
     }
 
     /// Whether the team has the networks for a side of an arena.
@@ -113,10 +120,10 @@ impl TrainedTeam {
     /// If `obs` has another size.
     pub fn logits(&self, obs: &[f32]) -> Vec<f32> {
         let Sizes { n_agents, n_actions, obs_size, .. } = self.run.sizes;
-        let x = MatRef::from_row_major_slice(obs, n_agents, obs_size);
+        assert_eq!(obs.len(), n_agents * obs_size, "[n_agents, obs_size]");
         let mut workspace = Workspace::default();
-        self.network.forward(x, &agent_ids(n_agents, n_agents), &mut workspace);
-        let rows = workspace.output().chunks_exact(self.network.mlp.padded_out());
+        self.network.forward(obs, &agent_ids(n_agents, n_agents), &mut workspace);
+        let rows = workspace.output().chunks_exact(self.network.architecture.padded_out());
         rows.flat_map(|row| row[..n_actions].to_vec()).collect()
     }
 

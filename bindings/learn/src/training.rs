@@ -144,7 +144,8 @@ impl Training {
     ) -> Result<Training, TrainError> {
         config.check()?;
         let lanes = lanes.for_run(&config)?;
-        let team = Team::new(&config, lanes.sizes());
+        lanes.inputs().check(&config)?;
+        let team = Team::new(&config, lanes.inputs());
         let rivals = rival.map(|actor| Rival::new(0, actor)).into_iter().collect();
         let league = match config.enemies {
             Enemies::Scripts => League::default(),

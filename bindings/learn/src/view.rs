@@ -28,6 +28,22 @@ pub(crate) fn fields_of(side: Faction) -> [Field; 4] {
     }
 }
 
+/// Fields that a team reads, besides those that every lane has.
+const FIELDS: [Field; 6] = [
+    Field::Obs,
+    Field::State,
+    Field::AvailActions,
+    Field::BattleWon,
+    Field::EpisodeReturn,
+    Field::EpisodeLength,
+];
+
+/// The fields that a team reads on lanes of these sides.
+pub(crate) fn fields_read(both_sides: bool) -> impl Iterator<Item = Field> {
+    let of_enemies = fields_of(Faction::Enemy).into_iter().chain([Field::Opponent]);
+    FIELDS.into_iter().chain(of_enemies.filter(move |_| both_sides))
+}
+
 impl<'a> View<'a> {
     /// Of a side with these sizes.
     pub fn of(batch: &'a Batch, side: Faction, sizes: Sizes) -> View<'a> {

@@ -3,18 +3,19 @@
 use smaclite_engine::{Battle, EnemySide, Rules, Scratch, Sides};
 use smaclite_ipc::RuntimeDir;
 use smaclite_learn::{
-    Config, Evaluation, EvaluationEvent, Lanes, Run, TrainedTeam, evaluate, resolve_scenario,
+    Config, Evaluation, EvaluationEvent, Lanes, NetworkKind, Run, TrainedTeam, evaluate, resolve_scenario,
 };
 use smaclite_scenarios::Faction;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// The folder of a short run in 3m, whose agents observe their last two actions.
-fn team(folder: &tempfile::TempDir) -> (PathBuf, RuntimeDir) {
+/// The folder of a short run, whose agents observe their last two actions.
+fn team(folder: &tempfile::TempDir, map: &str, network: NetworkKind) -> (PathBuf, RuntimeDir) {
     let runtime_dir = RuntimeDir::at(folder.path().join("pools")).unwrap();
-    let small = Config { num_envs: 4, horizon: 8, minibatches: 2, hidden: vec![8], ..Config::for_agents(3) };
-    let config = Config { steps: 64, last_actions: 2, ..small };
-    let scenario = resolve_scenario("3m", Rules::Smaclite).unwrap();
+    let hidden = network.default_hidden();
+    let small = Config { num_envs: 4, horizon: 8, minibatches: 2, hidden, ..Config::for_agents(3) };
+    let config = Config { steps: 64, last_actions: 2, network, ..small };
+    let scenario = resolve_scenario(map, Rules::Smaclite).unwrap();
     let lanes = Lanes::start(&scenario, 4, 2, 1, &runtime_dir).unwrap();
     let path = folder.path().join("run");
     let mut run = Run::begin(&path, config, &scenario, lanes, 1).unwrap();
@@ -25,8 +26,15 @@ fn team(folder: &tempfile::TempDir) -> (PathBuf, RuntimeDir) {
 
 #[test]
 fn a_team_acts_alike_in_a_lane_and_in_a_battle() {
+    check_acts_alike("3m", NetworkKind::Flat);
+    check_acts_alike("3m", NetworkKind::Units);
+    check_acts_alike("MMM", NetworkKind::Units);
+    check_acts_alike("terran_5_vs_5", NetworkKind::Units);
+}
+
+fn check_acts_alike(map: &str, network: NetworkKind) {
     let folder = tempfile::tempdir().unwrap();
-    let (path, runtime_dir) = team(&folder);
+    let (path, runtime_dir) = team(&folder, map, network);
     let (opponents, opponent_team, weights) = (None, None, None);
     let evaluation =
         Evaluation { episodes: 1, seed: 5, weights, greedy: false, threads: 1, opponents, opponent_team };
@@ -40,7 +48,7 @@ fn a_team_acts_alike_in_a_lane_and_in_a_battle() {
     assert!(expected.len() > 5);
 
     let player = TrainedTeam::open(&path).unwrap();
-    let (_, arena) = resolve_scenario("3m", Rules::Smaclite).unwrap().arena().unwrap();
+    let (_, arena) = resolve_scenario(map, Rules::Smaclite).unwrap().arena().unwrap();
     let mut battle = Battle::new(Arc::new(arena), 5);
     let mut past: Vec<Vec<u16>> = Vec::new();
     for (step, expected) in expected.iter().enumerate() {
@@ -56,7 +64,7 @@ fn a_team_acts_alike_in_a_lane_and_in_a_battle() {
 #[test]
 fn a_team_plays_enemies_that_are_like_its_agents() {
     let folder = tempfile::tempdir().unwrap();
-    let player = TrainedTeam::open(&team(&folder).0).unwrap();
+    let player = TrainedTeam::open(&team(&folder, "3m", NetworkKind::Flat).0).unwrap();
     let arena = |name: &str| {
         let sides = Sides::Both(EnemySide { mirror: true, zero_sum: false });
         resolve_scenario(name, Rules::Smaclite).unwrap().with_sides(sides).arena().unwrap().1

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._native import ZOO, read_team
+from ._units_network import UnitsNetwork
 from .errors import InvalidRequest
 
 if TYPE_CHECKING:
@@ -19,11 +20,32 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float32]
 
-HIDDEN: dict[str, Callable[[Array], Array]] = {
-    "relu": lambda x: np.maximum(x, 0, dtype=np.float32),
-    "tanh": np.tanh,
-}
+
+def relu(x: Array) -> Array:
+    return np.maximum(x, 0, dtype=np.float32)
+
+
+HIDDEN: dict[str, Callable[[Array], Array]] = {"relu": relu, "tanh": np.tanh}
 """The non-linearities that `run.json` can name."""
+
+
+class FlatNetwork:
+    """Layers over all features, with a bias per agent in the first one."""
+
+    def __init__(self, tensors: dict[str, Array], n_layers: int, hidden: Callable[[Array], Array]) -> None:
+        self._layers = [(tensors[f"{i}.weight"].T, tensors[f"{i}.bias"]) for i in range(n_layers)]
+        self._id_bias = tensors["id_bias"]
+        self._hidden = hidden
+
+    def __call__(self, obs: Array) -> Array:
+        x = obs
+        for i, (weight, bias) in enumerate(self._layers):
+            x = x @ weight + bias
+            if i == 0:
+                x += self._id_bias
+            if i < len(self._layers) - 1:
+                x = self._hidden(x)
+        return x
 
 
 class Team:
@@ -75,10 +97,14 @@ class Team:
             self.settings |= {"sides": "both", "mirror": True}
         else:
             self.settings["opponent"] = run["opponent"]
-        tensors = run["tensors"]
-        layers = range(len(self.config["hidden"]) + 1)
-        self._layers = [(tensors[f"{i}.weight"].T, tensors[f"{i}.bias"]) for i in layers]
-        self._id_bias = tensors["id_bias"]
+        tensors, units = run["tensors"], run["units"]
+        hidden = HIDDEN[self.config["activation"]]
+        self._network: FlatNetwork | UnitsNetwork
+        if units is None:
+            self._network = FlatNetwork(tensors, len(self.config["hidden"]) + 1, hidden)
+        else:
+            self._network = UnitsNetwork(tensors, units["obs"], units["targets"], hidden)
+        self._obs_shape: tuple[int, int] = tuple(run["obs_shape"])
         self.seed = secrets.randbits(53) if seed is None else seed
         """Of the generator that draws actions."""
         self._random = np.random.default_rng(self.seed)
@@ -89,7 +115,7 @@ class Team:
 
     def logits(self, obs: Array) -> Array:
         """The network's outputs, float32 [M, n_agents, n_actions], for float32 [M, n_agents, obs_size]."""
-        expected = (len(self._id_bias), len(self._layers[0][0]))
+        expected = self._obs_shape
         if obs.shape[1:] != expected:
             why = (
                 "a team plays the enemies of a scenario whose two sides are equal"
@@ -100,15 +126,7 @@ class Team:
                 f"the team of {self.scenario} has observations [M, {expected[0]}, {expected[1]}], got "
                 f"{list(obs.shape)}: {why}"
             )
-        hidden = HIDDEN[self.config["activation"]]
-        x = obs
-        for i, (weight, bias) in enumerate(self._layers):
-            x = x @ weight + bias
-            if i == 0:
-                x += self._id_bias
-            if i < len(self._layers) - 1:
-                x = hidden(x)
-        return x
+        return self._network(obs)
 
     def __call__(self, batch: Batch) -> NDArray[np.int32]:
         if self.side == "enemies":

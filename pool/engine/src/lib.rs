@@ -86,7 +86,10 @@ pub use arena::Arena;
 pub use battle::Battle;
 pub use battle_setup::{BattleSetup, EpisodeLimit};
 pub use command::{IllegalAction, action};
-pub use encode::{UnitFeatures, action_names, feature_bounds, obs_features, state_features};
+pub use encode::{
+    TargetLayout, UnitFeatures, UnitLayout, UnitRows, action_names, feature_bounds, obs_features,
+    state_features,
+};
 pub use features::FeatureBlock;
 pub use level::{LEVEL_COLUMNS, LevelError};
 pub use neighbour_order::{NeighbourOrder, PlaneOrder};

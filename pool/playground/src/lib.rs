@@ -22,11 +22,13 @@ mod battle;
 #[cfg(target_family = "wasm")]
 mod exports;
 mod game;
+mod layer;
 mod network;
 mod protocol;
 mod session;
 mod source;
 mod team;
+mod units_network;
 
 pub use session::Session;
 pub use team::{Team, TeamError};

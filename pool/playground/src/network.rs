@@ -1,83 +1,116 @@
 //! The forward pass of an actor. A page shows one battle, so plain loops are fast enough; `smaclite-learn`,
 //! which computes the same for thousands of rows, has its own.
 
-use safetensors::{Dtype, SafeTensors};
-use serde::Deserialize;
+use crate::layer::{Activation, Layer, WeightsError, array};
+use crate::units_network::UnitsNetwork;
+use safetensors::SafeTensors;
+use serde::{Deserialize, Deserializer};
+use smaclite_engine::{TargetLayout, UnitLayout};
 
-/// The non-linearity of hidden layers.
-#[derive(Clone, Copy, Debug, Default, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum Activation {
-    /// `max(x, 0)`.
+/// Which network `run.json` names.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) enum NetworkKind {
     #[default]
-    Relu,
-    /// Hyperbolic tangent.
-    Tanh,
+    Flat,
+    Units,
+}
+
+/// With a message that names the key, which serde's would not.
+impl<'de> Deserialize<'de> for NetworkKind {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<NetworkKind, D::Error> {
+        let value = serde_json::Value::deserialize(deserializer)?;
+        match value.as_str() {
+            Some("flat") => Ok(NetworkKind::Flat),
+            Some("units") => Ok(NetworkKind::Units),
+            _ => {
+                Err(serde::de::Error::custom(format!("`network` must be \"flat\" or \"units\", got {value}")))
+            }
+        }
+    }
+}
+
+/// The network of an actor.
+#[derive(Debug)]
+pub(crate) enum Network {
+    Flat(FlatNetwork),
+    Units(Box<UnitsNetwork>),
 }
 
 /// A multi-layer perceptron that all agents share, but for a bias of each in the first layer.
 #[derive(Debug)]
-pub(crate) struct Network {
+pub(crate) struct FlatNetwork {
     layers: Vec<Layer>,
     /// `[n_agents, width of the first layer]`.
     id_bias: Vec<f32>,
     activation: Activation,
 }
 
-/// `weight` is `[n_out, n_in]`, row by row, as PyTorch has it.
-#[derive(Debug)]
-struct Layer {
-    n_in: usize,
-    weight: Vec<f32>,
-    bias: Vec<f32>,
-}
-
-/// Why the weights of a network cannot be used.
-#[derive(Debug, thiserror::Error)]
-pub(crate) enum WeightsError {
-    #[error("{0}")]
-    Format(#[from] safetensors::SafeTensorError),
-    #[error("`{name}` must be F32 {expected:?}, got {dtype:?} {given:?}")]
-    Shape { name: String, expected: Vec<usize>, dtype: Dtype, given: Vec<usize> },
-    #[error("every layer must have at least one input and output, got the widths {0:?}")]
-    Width(Vec<usize>),
-    #[error("`{0}` has a number that is not finite")]
-    NotFinite(String),
-    #[error("the checksum differs, so they are damaged")]
-    Checksum,
-}
-
 impl Network {
     /// The actor in a file of weights, from its `widths`: inputs, hidden layers, outputs.
-    pub fn read(
+    pub fn flat(
         bytes: &[u8],
         widths: &[usize],
         n_agents: usize,
         activation: Activation,
     ) -> Result<Network, WeightsError> {
-        if widths.contains(&0) {
-            return Err(WeightsError::Width(widths.to_vec()));
-        }
-        let arrays = SafeTensors::deserialize(bytes)?;
-        check_sum(bytes, &arrays)?;
-        let pairs = widths.windows(2).enumerate();
-        let layers = pairs.map(|(i, pair)| {
-            let (n_in, n_out) = (pair[0], pair[1]);
-            let weight = array(&arrays, format!("actor.{i}.weight"), &[n_out, n_in])?;
-            Ok(Layer { n_in, weight, bias: array(&arrays, format!("actor.{i}.bias"), &[n_out])? })
-        });
-        let layers = layers.collect::<Result<Vec<Layer>, WeightsError>>()?;
-        let first = widths.get(1).copied().unwrap_or(0);
-        let id_bias = array(&arrays, "actor.id_bias".to_owned(), &[n_agents, first])?;
-        Ok(Network { layers, id_bias, activation })
+        check_widths(widths)?;
+        let arrays = checked(bytes)?;
+        FlatNetwork::read(&arrays, widths, n_agents, activation).map(Network::Flat)
+    }
+
+    /// The same of a network over units, from the widths of its hidden layers.
+    pub fn over_units(
+        bytes: &[u8],
+        layouts: Option<(UnitLayout, TargetLayout)>,
+        hidden: &[usize],
+        activation: Activation,
+    ) -> Result<Network, WeightsError> {
+        check_widths(hidden)?;
+        let (layout, targets) = layouts.ok_or(WeightsError::NoUnits)?;
+        let &[width, trunk_width] = hidden else { return Err(WeightsError::Widths(hidden.to_vec())) };
+        let arrays = checked(bytes)?;
+        let network = UnitsNetwork::read(&arrays, layout, targets, [width, trunk_width], activation)?;
+        Ok(Network::Units(Box::new(network)))
     }
 
     /// The outputs for what an agent observes.
     pub fn forward(&self, agent: usize, obs: &[f32]) -> Vec<f32> {
+        match self {
+            Network::Flat(network) => network.forward(agent, obs),
+            Network::Units(network) => network.forward(agent, obs),
+        }
+    }
+}
+
+fn check_widths(widths: &[usize]) -> Result<(), WeightsError> {
+    if widths.contains(&0) { Err(WeightsError::Width(widths.to_vec())) } else { Ok(()) }
+}
+
+fn checked(bytes: &[u8]) -> Result<SafeTensors<'_>, WeightsError> {
+    let arrays = SafeTensors::deserialize(bytes)?;
+    check_sum(bytes, &arrays)?;
+    Ok(arrays)
+}
+
+impl FlatNetwork {
+    fn read(
+        arrays: &SafeTensors<'_>,
+        widths: &[usize],
+        n_agents: usize,
+        activation: Activation,
+    ) -> Result<FlatNetwork, WeightsError> {
+        let pairs = widths.windows(2).enumerate();
+        let layers = pairs.map(|(i, pair)| Layer::read(arrays, &i.to_string(), pair[0], pair[1]));
+        let layers = layers.collect::<Result<Vec<Layer>, WeightsError>>()?;
+        let first = widths.get(1).copied().unwrap_or(0);
+        let id_bias = array(arrays, "actor.id_bias".to_owned(), &[n_agents, first])?;
+        Ok(FlatNetwork { layers, id_bias, activation })
+    }
+
+    fn forward(&self, agent: usize, obs: &[f32]) -> Vec<f32> {
         let mut x = obs.to_vec();
         for (i, layer) in self.layers.iter().enumerate() {
-            let rows = layer.weight.chunks_exact(layer.n_in).zip(&layer.bias);
-            let mut z: Vec<f32> = rows.map(|(row, bias)| dot(row, &x) + bias).collect();
+            let mut z = layer.forward(&x);
             if i == 0 {
                 let own = self.id_bias.chunks_exact(z.len()).nth(agent).unwrap_or_default();
                 z.iter_mut().zip(own).for_each(|(z, bias)| *z += bias);
@@ -89,30 +122,6 @@ impl Network {
         }
         x
     }
-}
-
-impl Activation {
-    fn of(self, x: f32) -> f32 {
-        match self {
-            Activation::Relu => x.max(0.0),
-            Activation::Tanh => x.tanh(),
-        }
-    }
-}
-
-fn dot(a: &[f32], b: &[f32]) -> f32 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-fn array(arrays: &SafeTensors<'_>, name: String, shape: &[usize]) -> Result<Vec<f32>, WeightsError> {
-    let tensor = arrays.tensor(&name)?;
-    if tensor.dtype() != Dtype::F32 || tensor.shape() != shape {
-        let (expected, given) = (shape.to_vec(), tensor.shape().to_vec());
-        return Err(WeightsError::Shape { name, expected, dtype: tensor.dtype(), given });
-    }
-    let bytes = tensor.data().as_chunks::<4>().0;
-    let values: Vec<f32> = bytes.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
-    if values.iter().all(|value| value.is_finite()) { Ok(values) } else { Err(WeightsError::NotFinite(name)) }
 }
 
 /// Compares the checksum in the metadata with that of names and elements, as `smaclite-learn`'s `tensors.rs`

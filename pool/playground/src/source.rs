@@ -4,7 +4,8 @@
 //! unit files, other rules, another limit or other opponents), a battle setup as `run.json` has it, which is
 //! known by its key `files`.
 
-use crate::network::Activation;
+use crate::layer::Activation;
+use crate::network::NetworkKind;
 use crate::protocol::TextFile;
 use serde::Deserialize;
 use serde_json::Value;
@@ -54,6 +55,8 @@ pub(crate) struct RunFile {
 /// The hyperparameters that playing needs.
 #[derive(Deserialize)]
 pub(crate) struct RunConfig {
+    #[serde(default)]
+    pub network: NetworkKind,
     pub hidden: Vec<usize>,
     #[serde(default)]
     pub activation: Activation,

@@ -1,11 +1,12 @@
 //! Trained teams, from the files that `smaclite-pool train` leaves in a folder.
 
-use crate::network::{Network, WeightsError};
+use crate::layer::WeightsError;
+use crate::network::{Network, NetworkKind};
 use crate::source::{RunConfig, RunFile, source_of};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use serde::de::Error;
-use smaclite_engine::{Arena, Battle, Scratch, Sides, Sizes, action};
+use smaclite_engine::{Arena, Battle, Scratch, Sides, Sizes, TargetLayout, UnitLayout, action};
 use smaclite_scenarios::Problems;
 
 /// A trained team.
@@ -50,7 +51,7 @@ impl Team {
             Ok(run) => run,
             Err(error) => return Err(TeamError::Run { name, error }),
         };
-        let Some(RunConfig { hidden, activation, last_actions }) = run.config else {
+        let Some(RunConfig { network, hidden, activation, last_actions }) = run.config else {
             return Err(TeamError::Run { name, error: Error::missing_field("config") });
         };
         let setup = match run.setup.sides {
@@ -62,10 +63,18 @@ impl Team {
             Err(error) => return Err(TeamError::Scenario { name, error }),
         };
         let sizes = with_history(arena.sizes(), last_actions);
-        let mut widths = vec![sizes.obs_size];
-        widths.extend(hidden);
-        widths.push(sizes.n_actions);
-        let network = Network::read(weights, &widths, sizes.n_agents, activation);
+        let network = match network {
+            NetworkKind::Flat => {
+                let widths: Vec<usize> =
+                    [sizes.obs_size].into_iter().chain(hidden).chain([sizes.n_actions]).collect();
+                Network::flat(weights, &widths, sizes.n_agents, activation)
+            }
+            NetworkKind::Units => {
+                let layout = UnitLayout::of_obs(&scenario, sizes.obs_size);
+                let layouts = layout.zip(TargetLayout::new(&scenario));
+                Network::over_units(weights, layouts, &hidden, activation)
+            }
+        };
         let network = network.map_err(|why: WeightsError| {
             let why = why.to_string();
             TeamError::Weights { name: name.clone(), why }

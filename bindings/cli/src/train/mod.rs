@@ -14,7 +14,8 @@ use display::Display;
 use smaclite_engine::{BattleSetup, Rules};
 use smaclite_ipc::{ClientError, RuntimeDir, WaitOptions, lane_scenario, status_within};
 use smaclite_learn::{
-    Activation, Algorithm, Config, Lanes, Run, RunDescription, Seeds, TrainError, resolve_scenario,
+    Activation, Algorithm, Config, Lanes, NetworkKind, Run, RunDescription, Seeds, TrainError,
+    resolve_scenario,
 };
 use smaclite_pool::MAX_LAST_ACTIONS;
 use std::error::Error;
@@ -100,7 +101,8 @@ macro_rules! hyperparameters {
         struct Hyperparameters {
             $($(#[doc = $doc])+ #[arg(long $(, value_parser = $parser)?)]
                 $name: Option<$type>,)+
-            /// Widths of the hidden layers of both networks, separated by commas [default: 64,64]
+            /// Widths of the hidden layers of both networks, separated by commas; with --network units two,
+            /// by default 32,64: of the embeddings of units, and of the layers behind [default: 64,64]
             #[arg(long, value_delimiter = ',', value_name = "N,...", value_parser = count(2..=4096))]
             hidden: Option<Vec<usize>>,
         }
@@ -108,7 +110,7 @@ macro_rules! hyperparameters {
         impl Hyperparameters {
             fn apply(self, config: &mut Config) {
                 $(if let Some(value) = self.$name { config.$name = value; })+
-                if let Some(hidden) = self.hidden { config.hidden = hidden; }
+                config.hidden = self.hidden.unwrap_or_else(|| config.network.default_hidden());
             }
         }
     };
@@ -131,6 +133,9 @@ hyperparameters! {
     epochs: usize = count(1..=1000),
     /// Gradient steps per epoch [default: 8]
     minibatches: usize = count(1..=1000),
+    /// Networks of actor and critic: flat (layers over all features) or units (over units: enemies share
+    /// weights, and so do allies, whatever their order) [default: flat]
+    network: NetworkKind,
     /// Non-linearity of the hidden layers: relu or tanh [default: relu]
     activation: Activation,
     /// Step size of the actor [default: 0.0007]

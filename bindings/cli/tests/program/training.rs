@@ -339,6 +339,13 @@ fn errors_say_what_is_accepted() {
         "invalid value '0' for '--num-envs <NUM_ENVS>': must be a whole number between 1 and 65536",
     );
     check_error(folder, "train 3m --out run --algorithm qmix", 2, "expected `mappo` or `ippo`, got `qmix`");
+    check_error(folder, "train 3m --out run --network gnn", 2, "expected `flat` or `units`, got `gnn`");
+    check_error(
+        folder,
+        "train 3m --out run --network units --hidden 64",
+        1,
+        "hidden must be 2 widths between 2 and 4096 for networks over units, got [64]",
+    );
     check_error(folder, "train 3m --out run --pool none", 1, "none");
     check_error(folder, "train --resume nowhere", 1, "`nowhere`");
     check_error(folder, "train --resume nowhere --gamma 0.9", 2, "cannot be used with");

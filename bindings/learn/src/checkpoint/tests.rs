@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::config::{Enemies, SelfPlay};
+use smaclite_engine::Sizes;
 use std::fs;
 
 const SIZES: Sizes = Sizes {
@@ -16,7 +17,7 @@ const SIZES: Sizes = Sizes {
 };
 
 fn checkpoint(config: &Config) -> Checkpoint {
-    let mut team = Team::new(config, SIZES);
+    let mut team = Team::new(config, &SIZES.into());
     team.observe_returns([1.0, 2.0].into_iter());
     team.actor.adam.mean.fill(0.25);
     team.critic.adam.steps = 7;
@@ -29,8 +30,8 @@ fn checkpoint(config: &Config) -> Checkpoint {
 
 fn read_checkpoint(path: &Path, config: &Config) -> Result<Checkpoint, FileError> {
     // Each rival is the first team of another seed.
-    let mut rival = |seed| Ok(Team::new(&Config { seed, ..config.clone() }, SIZES).actor);
-    Checkpoint::read(path, config, SIZES, &mut rival)
+    let mut rival = |seed| Ok(Team::new(&Config { seed, ..config.clone() }, &SIZES.into()).actor);
+    Checkpoint::read(path, config, &SIZES.into(), &mut rival)
 }
 
 #[test]
@@ -39,7 +40,7 @@ fn a_league_is_read_as_it_was_written() {
     let path = folder.path().join("checkpoint.safetensors");
     let enemies = Enemies::SelfPlay(SelfPlay::LEAGUE);
     let config = Config { num_envs: 3, hidden: vec![8], enemies, ..Config::for_agents(3) };
-    let actor = |seed| Team::new(&Config { seed, ..config.clone() }, SIZES).actor;
+    let actor = |seed| Team::new(&Config { seed, ..config.clone() }, &SIZES.into()).actor;
     let rivals = vec![
         Rival { win_rate: 0.75, is_retired: true, ..Rival::new(10, actor(10)) },
         Rival { win_rate: 0.125, ..Rival::new(20, actor(20)) },
@@ -78,7 +79,7 @@ fn weights_have_the_names_and_shapes_of_pytorch() {
     let config = Config { hidden: vec![8, 5], ..Config::for_agents(3) };
     let team = checkpoint(&config).team;
     write_weights(&path, &team).unwrap();
-    let actor = read_actor(&path, team.actor.mlp.clone()).unwrap();
+    let actor = read_actor(&path, team.actor.architecture.clone()).unwrap();
     assert_eq!(actor.params, team.actor.params);
     let bytes = fs::read(&path).unwrap();
     let tensors = safetensors::SafeTensors::deserialize(&bytes).unwrap();
@@ -122,9 +123,9 @@ fn damaged_and_foreign_files_are_refused() {
     let mut team = checkpoint(&config).team;
     team.actor.params[0] = f32::NAN;
     write_weights(&weights, &team).unwrap();
-    let error = read_actor(&weights, team.actor.mlp.clone()).unwrap_err().to_string();
+    let error = read_actor(&weights, team.actor.architecture.clone()).unwrap_err().to_string();
     assert!(error.contains("`actor.0.weight` contains NaN"), "{error}");
-    let error = read_actor(&path, team.actor.mlp.clone()).unwrap_err().to_string();
+    let error = read_actor(&path, team.actor.architecture.clone()).unwrap_err().to_string();
     assert!(error.contains("it has no `actor.0.weight`"), "{error}");
 }
 
@@ -142,11 +143,11 @@ fn weights_with_flipped_bits_are_refused() {
         let mut flipped = good.clone();
         flipped[at] ^= 1;
         fs::write(&path, flipped).unwrap();
-        let error = read_actor(&path, team.actor.mlp.clone()).unwrap_err().to_string();
+        let error = read_actor(&path, team.actor.architecture.clone()).unwrap_err().to_string();
         assert!(error.contains("weights.safetensors` is damaged") && error.contains("checksum"), "{error}");
     }
     // Learners in Python write files without a checksum.
     let tensors = safetensors::SafeTensors::deserialize(&good).unwrap();
     fs::write(&path, safetensors::serialize(tensors.tensors(), None).unwrap()).unwrap();
-    assert_eq!(read_actor(&path, team.actor.mlp.clone()).unwrap().params, team.actor.params);
+    assert_eq!(read_actor(&path, team.actor.architecture.clone()).unwrap().params, team.actor.params);
 }

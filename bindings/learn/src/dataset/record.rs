@@ -7,7 +7,6 @@ use crate::checkpoint::read_actor;
 use crate::description::{RunDescription, Weights};
 use crate::parallel;
 use crate::policy::Choice;
-use crate::team::actor_mlp;
 use crate::tournament::battles::{self, LOCKSTEP, Play};
 use crate::tournament::player::Player;
 use crate::trained_team::TrainedTeam;
@@ -200,8 +199,7 @@ impl Source {
                     Some(quality) => {
                         let policies = quality::policies(folder, *quality)?.into_iter();
                         let open = |(policy, path): (Policy, PathBuf)| {
-                            let mlp = actor_mlp(&run.config, run.sizes);
-                            let network = read_actor(&path, mlp)?;
+                            let network = read_actor(&path, run.actor())?;
                             let team = TrainedTeam { run: run.clone(), network };
                             Ok::<_, DatasetError>((policy, Player::Team(Box::new(team))))
                         };

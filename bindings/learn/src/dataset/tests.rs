@@ -183,7 +183,7 @@ fn run_with_evaluations(folder: &std::path::Path) {
     let run = RunDescription::read(&folder.join("run")).unwrap();
     std::fs::create_dir(folder.join("run/evaluations")).unwrap();
     for (steps, seed) in [(100, 1), (200, 2)] {
-        let actor = Team::new(&Config { seed, ..small.clone() }, run.sizes).actor;
+        let actor = Team::new(&Config { seed, ..small.clone() }, &run.inputs).actor;
         let path = folder.join(format!("run/evaluations/{steps:012}.safetensors"));
         write_actor(&path, &actor).unwrap();
     }

@@ -25,7 +25,6 @@ use crate::cpu_timer::CpuTimer;
 use crate::description::{BEST, RunDescription};
 use crate::parallel::Interrupted;
 use crate::policy::Choice;
-use crate::team::actor_mlp;
 use crate::tensors::{FileError, remove};
 use crate::training::TrainError;
 pub(crate) use files::{BothEpisodes, EvaluationFiles};
@@ -152,7 +151,7 @@ impl Evaluations {
         let path = FinalResult::path(&self.folder);
         let (false, Some(best)) = (path.exists(), EvaluationRow::best(&self.rows)) else { return Ok(()) };
         let _timer = CpuTimer::start();
-        let actor = read_actor(&self.folder.join(BEST), state.team.actor.mlp.clone())?;
+        let actor = read_actor(&self.folder.join(BEST), state.team.actor.architecture.clone())?;
         let [greedy, sampled] = Choice::BOTH.map(|actions| {
             self.evaluator.play(&actor, Occasion::Final, actions, FINAL_EPISODES, interrupted)
         });
@@ -166,9 +165,8 @@ impl Evaluations {
     fn restore_best(&self) -> Result<(), FileError> {
         let path = self.folder.join(BEST);
         let Some(best) = EvaluationRow::best(&self.rows) else { return remove(&path) };
-        let mlp = actor_mlp(&self.run.config, self.run.sizes);
-        let kept = read_actor(&self.files.weights(best.steps), mlp.clone())?;
-        if !path.exists() || read_actor(&path, mlp)? != kept {
+        let kept = read_actor(&self.files.weights(best.steps), self.run.actor())?;
+        if !path.exists() || read_actor(&path, self.run.actor())? != kept {
             write_actor(&path, &kept)?;
         }
         Ok(())

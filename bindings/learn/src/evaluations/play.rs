@@ -68,7 +68,7 @@ impl Evaluator {
             let path = folder.join("run.json");
             FileError::Damaged { path, why: problems.to_string() }
         })?;
-        let network = Team::new(&run.config, run.sizes).actor.without_optimiser();
+        let network = Team::new(&run.config, &run.inputs).actor.without_optimiser();
         let team = Player::Team(Box::new(TrainedTeam { run: run.clone(), network }));
         let pairing = Pairing { agents: 0, enemies: 1, arena: Arc::new(arena), is_exchanged: false };
         let scratches = (0..threads.max(1)).map(|_| Scratch::new()).collect();

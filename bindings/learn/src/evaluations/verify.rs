@@ -10,7 +10,7 @@ use crate::description::{BEST, RunDescription};
 use crate::parallel::Interrupted;
 use crate::policy::Choice;
 use crate::rollout::Episode;
-use crate::team::{Network, actor_mlp};
+use crate::team::Network;
 use crate::tensors::FileError;
 use std::collections::BTreeSet;
 use std::path::Path;
@@ -219,7 +219,7 @@ impl<'a> Verifier<'a> {
     }
 
     fn actor(&self, path: &Path) -> Result<Network, FileError> {
-        read_actor(path, actor_mlp(&self.run.config, self.run.sizes))
+        read_actor(path, self.run.actor())
     }
 
     /// The best weights, which must be those of the best evaluation: the final episodes choose no weights.

@@ -2,12 +2,11 @@
 //! the right action, which the observation shows.
 
 use super::*;
+use crate::architecture::Workspace;
 use crate::math::WIDTH;
-use crate::mlp::Workspace;
 use crate::policy::{Choice, choose};
 use crate::random::uniform;
 use crate::team::agent_ids;
-use faer::MatRef;
 use smaclite_engine::Sizes;
 
 const SIZES: Sizes = Sizes {
@@ -37,8 +36,7 @@ fn play(team: &Team, config: &Config, update: u64) -> Rollout {
         }
     }
     let mut workspace = Workspace::default();
-    let x = MatRef::from_row_major_slice(&rollout.obs[..3 * n_rows], n_rows, 3);
-    team.actor.forward(x, &agent_ids(n_rows, 2), &mut workspace);
+    team.actor.forward(&rollout.obs[..3 * n_rows], &agent_ids(n_rows, 2), &mut workspace);
     for (row, outputs) in workspace.output().chunks_exact_mut(WIDTH).enumerate() {
         let mask = &mut rollout.masks[row * WIDTH..][..WIDTH];
         mask[..3].fill(1);
@@ -59,7 +57,7 @@ fn share_of_right_actions(rollout: &Rollout) -> f32 {
 fn right_actions_become_more_probable() {
     for algorithm in [Algorithm::Mappo, Algorithm::Ippo] {
         let config = Config { actor_lr: 5e-3, ..config(algorithm) };
-        let mut team = Team::new(&config, SIZES);
+        let mut team = Team::new(&config, &SIZES.into());
         let mut ppo = Ppo::new(2);
         assert!(share_of_right_actions(&play(&team, &config, 0)) < 0.5);
         let mut stats = UpdateStats::default();
@@ -76,7 +74,7 @@ fn right_actions_become_more_probable() {
 #[test]
 fn the_number_of_threads_changes_no_bit() {
     let config = config(Algorithm::Mappo);
-    let first = Team::new(&config, SIZES);
+    let first = Team::new(&config, &SIZES.into());
     let rollout = play(&first, &config, 0);
     let train = |threads| {
         let mut team = first.clone();
@@ -90,7 +88,7 @@ fn the_number_of_threads_changes_no_bit() {
 #[test]
 fn an_observation_that_is_no_number_is_reported() {
     let config = config(Algorithm::Mappo);
-    let mut team = Team::new(&config, SIZES);
+    let mut team = Team::new(&config, &SIZES.into());
     let mut rollout = play(&team, &config, 0);
     rollout.obs[0] = f32::NAN;
     let error = Ppo::new(1).update(&mut team, &rollout, &config, 7, 0, &mut || false).unwrap_err();
@@ -105,7 +103,7 @@ fn an_observation_that_is_no_number_is_reported() {
 #[test]
 fn a_rollout_without_choices_trains_the_critic_alone() {
     let config = config(Algorithm::Mappo);
-    let first = Team::new(&config, SIZES);
+    let first = Team::new(&config, &SIZES.into());
     let mut rollout = play(&first, &config, 0);
     rollout.masks.chunks_exact_mut(WIDTH).for_each(|mask| mask[1..].fill(0));
     let mut team = first.clone();

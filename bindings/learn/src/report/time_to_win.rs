@@ -22,7 +22,7 @@ use crate::parallel::Interrupted;
 use crate::policy::Choice;
 use crate::rollout::Episode;
 use crate::statistics::wilson_interval;
-use crate::team::{Network, actor_mlp};
+use crate::team::Network;
 use crate::tensors::{FileError, read};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -108,7 +108,7 @@ pub fn time_to_win(
 
 fn actor(folder: &Path, run: &RunDescription, steps: u64) -> Result<Network, FileError> {
     let path = EvaluationFiles::of(folder).weights(steps);
-    read_actor(&path, actor_mlp(&run.config, run.sizes))
+    read_actor(&path, run.actor())
 }
 
 /// The wins among the episodes, played in blocks of [`BLOCK`], if they are enough.

@@ -12,7 +12,7 @@ use crate::kit::{Place, check_resumed, complete, scenario, small};
 use serde_json::Value;
 use smaclite_engine::{BattleSetup, EpisodeLimit, Rules};
 use smaclite_ipc::{LaneConfig, Supervisor, SupervisorConfig};
-use smaclite_learn::{Algorithm, Config, Lanes, Run, RunDescription};
+use smaclite_learn::{Algorithm, Config, Lanes, NetworkKind, Run, RunDescription};
 use smaclite_pool::fields::FieldSet;
 use smaclite_pool::{Autoreset, PoolOptions};
 use smaclite_scenarios::ScenarioFiles;
@@ -22,8 +22,15 @@ use std::fs;
 #[test]
 fn a_team_learns() {
     let place = Place::new();
-    for (name, algorithm) in [("mappo", Algorithm::Mappo), ("ippo", Algorithm::Ippo)] {
+    let units = NetworkKind::Units;
+    for (name, algorithm, network) in [
+        ("mappo", Algorithm::Mappo, NetworkKind::Flat),
+        ("ippo", Algorithm::Ippo, NetworkKind::Flat),
+        ("mappo-units", Algorithm::Mappo, units),
+        ("ippo-units", Algorithm::Ippo, units),
+    ] {
         let config = Config { seed: 1, steps: 45_000, algorithm, ..Config::for_agents(3) };
+        let config = Config { network, hidden: network.default_hidden(), ..config };
         let record = place.train(name, &config, 2);
         assert!(record.steps >= 45_000 && record.mean_return > 3.5, "{name}: {record:?}");
         let (result, _) = place.evaluate(name, 64);
@@ -46,8 +53,59 @@ fn equal_seeds_give_equal_bits_for_any_number_of_threads() {
 }
 
 #[test]
+fn networks_over_units_have_equal_bits_for_any_number_of_threads() {
+    let place = Place::new();
+    for algorithm in [Algorithm::Mappo, Algorithm::Ippo] {
+        let name = |name: &str| format!("{name}-{algorithm:?}");
+        let config = Config { algorithm, last_actions: 1, ..over_units() };
+        place.train(&name("one"), &config, 1);
+        place.train(&name("two"), &config, 2);
+        assert_eq!(place.outcome(&name("one")), place.outcome(&name("two")));
+        assert_eq!(place.evaluate(&name("one"), 20), place.evaluate(&name("two"), 20));
+    }
+}
+
+/// The small run with networks over units, whose widths are no multiples of those of vectors.
+fn over_units() -> Config {
+    Config { network: NetworkKind::Units, hidden: vec![11, 9], ..small() }
+}
+
+#[test]
 fn a_resumed_run_is_the_uninterrupted_one() {
     check_resumed(&Config { steps: 34 * 158, epochs: 1, ..small() }, &Place::new());
+    check_resumed(&Config { steps: 34 * 158, epochs: 1, ..over_units() }, &Place::new());
+}
+
+/// Published weights and the files of older runs are of flat networks, and `run.json` does not say so.
+#[test]
+fn run_json_names_the_network_if_it_is_not_flat() {
+    let place = Place::new();
+    place.train("flat", &small(), 1);
+    place.train("units", &over_units(), 1);
+    let path = |name: &str| place.path(name).join("run.json");
+    assert!(!fs::read_to_string(path("flat")).unwrap().contains("network"));
+    for (name, config) in [("flat", small()), ("units", over_units())] {
+        assert_eq!(RunDescription::read(&place.path(name)).unwrap().config, config);
+    }
+    let mut file: Value = serde_json::from_str(&fs::read_to_string(path("units")).unwrap()).unwrap();
+    assert_eq!(file["config"]["network"], "units");
+    let mut refused = |key: &str, value: Value, expected: &str| {
+        let before = std::mem::replace(&mut file["config"][key], value);
+        fs::write(path("units"), file.to_string()).unwrap();
+        let error = RunDescription::read(&place.path("units")).unwrap_err().to_string();
+        assert!(error.contains("units/run.json` is") && error.contains(expected), "{error}");
+        file["config"][key] = before;
+    };
+    let expected = "`network` must be \"flat\" or \"units\", got ";
+    refused("network", "graph".into(), &format!("{expected}\"graph\""));
+    refused("network", Value::Null, &format!("{expected}null"));
+    refused("hidden", vec![8].into(), "hidden must be 2 widths between 2 and 4096 for networks over units");
+    // Weights of the other network are not those of this one.
+    fs::copy(place.path("flat").join("weights.safetensors"), place.path("units").join("weights.safetensors"))
+        .unwrap();
+    fs::write(path("units"), file.to_string()).unwrap();
+    let error = smaclite_learn::TrainedTeam::open(&place.path("units")).unwrap_err().to_string();
+    assert!(error.contains("weights.safetensors") && error.contains("actor.own.weight"), "{error}");
 }
 
 #[test]

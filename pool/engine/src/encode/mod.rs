@@ -7,6 +7,7 @@ mod obs;
 mod state;
 #[cfg(test)]
 mod tests;
+mod unit_layout;
 mod unit_tables;
 
 pub(crate) use avail::Available;
@@ -15,6 +16,7 @@ pub use features::{action_names, obs_features, state_features};
 pub(crate) use obs::{ObsScratch, write_obs};
 pub use state::UnitFeatures;
 pub(crate) use state::{types_in_state, write_state};
+pub use unit_layout::{TargetLayout, UnitLayout, UnitRows};
 pub(crate) use unit_tables::UnitTables;
 
 use crate::arena::Arena;

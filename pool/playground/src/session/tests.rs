@@ -197,6 +197,17 @@ fn a_team_whose_layers_are_empty_is_refused() {
         let error = added.as_str();
         assert!(error.is_some() == refusal.is_some() && error.unwrap_or("").contains(refusal.unwrap_or("")));
     }
+    for (network, hidden, refusal) in [
+        ("graph", vec![4], "`network` must be \"flat\" or \"units\", got \"graph\""),
+        ("units", vec![4], "a network over units has two widths, got [4]"),
+        ("units", vec![4, 4], "cannot be used: tensor `actor."),
+    ] {
+        (run["config"]["network"], run["config"]["hidden"]) = (json!(network), json!(hidden));
+        let (run, weights) = (run.to_string(), weights(&setup, 4));
+        let added =
+            ask(&mut session, json!({"type": "add_team", "name": "b", "run": run, "weights": weights}));
+        assert!(added.as_str().is_some_and(|error| error.contains(refusal)), "{added}");
+    }
     ask(&mut session, begin("3m", "a", &[], &[]));
     assert_eq!(ask(&mut session, json!({"type": "play_steps", "steps": 2}))["steps"], 2);
 }

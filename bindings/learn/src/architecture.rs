@@ -1,0 +1,254 @@
+//! Which network a run trains: the one place that knows both, `mlp` (flat) and `units_network`.
+
+use crate::config::{Algorithm, Config, ConfigError, NetworkKind, ensure};
+use crate::linear::Tensor;
+use crate::mlp::{self, Mlp};
+use crate::units_network::{self, UnitsNetwork};
+use faer::MatRef;
+use rand_pcg::Pcg64Mcg;
+use smaclite_engine::{Sizes, TargetLayout, UnitLayout};
+use smaclite_scenarios::Scenario;
+use std::sync::Arc;
+
+/// What networks are built for: the sizes of a team's inputs and outputs, and where they have which unit.
+#[derive(Clone, Debug)]
+pub(crate) struct Inputs {
+    pub sizes: Sizes,
+    /// `None` if observations have no units.
+    units: Option<Arc<Units>>,
+}
+
+/// Where observations and the state have which unit, and what actions target.
+#[derive(Debug)]
+struct Units {
+    obs: UnitLayout,
+    state: UnitLayout,
+    targets: TargetLayout,
+}
+
+impl Inputs {
+    /// Those of the agents of a scenario; `obs_size` includes the last actions.
+    pub fn new(scenario: &Scenario, sizes: Sizes) -> Inputs {
+        let obs = UnitLayout::of_obs(scenario, sizes.obs_size);
+        let units = obs.zip(TargetLayout::new(scenario)).map(|(obs, targets)| {
+            let state = UnitLayout::of_state(scenario, sizes.state_size);
+            Arc::new(Units { obs, state, targets })
+        });
+        Inputs { sizes, units }
+    }
+
+    /// Checks that the network of a run can be built.
+    ///
+    /// # Errors
+    /// If it is one over units, and observations have none.
+    pub fn check(&self, config: &Config) -> Result<(), ConfigError> {
+        let is_possible = config.network == NetworkKind::Flat || self.units.is_some();
+        let accepted = "`flat` where observations have no units (`obs_starcraft` of `smacv2` is false)";
+        ensure(is_possible, "network", accepted, &format!("`{}`", config.network.name()))
+    }
+}
+
+/// Inputs of which nothing but the sizes is known.
+impl From<Sizes> for Inputs {
+    fn from(sizes: Sizes) -> Inputs {
+        Inputs { sizes, units: None }
+    }
+}
+
+/// The architecture of a network.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Architecture {
+    Flat(Mlp),
+    Units(Box<UnitsNetwork>),
+}
+
+/// The memory of a forward and a backward pass of any network.
+#[derive(Debug, Default)]
+pub(crate) struct Workspace {
+    flat: mlp::Workspace,
+    units: units_network::Workspace,
+    is_units: bool,
+}
+
+impl Workspace {
+    /// The outputs of the last forward pass, `[rows, padded n_out]`. Before the backward pass they are
+    /// replaced by the gradient of the loss with respect to them.
+    pub fn output(&mut self) -> &mut [f32] {
+        if self.is_units { self.units.output() } else { self.flat.output() }
+    }
+}
+
+impl Architecture {
+    /// The actor of a run: from an agent's observation to a number per action.
+    pub fn actor(config: &Config, inputs: &Inputs) -> Architecture {
+        let Inputs { sizes, units } = inputs;
+        let flat =
+            || Mlp::new(sizes.obs_size, &config.hidden, sizes.n_actions, sizes.n_agents, config.activation);
+        Architecture::new(config, flat, units.as_deref(), |Units { obs, targets, .. }| {
+            (sizes.obs_size, obs, Some(targets))
+        })
+    }
+
+    /// The critic: from the state, or an agent's observation, to a value.
+    pub fn critic(config: &Config, inputs: &Inputs) -> Architecture {
+        let Inputs { sizes, units } = inputs;
+        let flat = |n_in, n_ids| Mlp::new(n_in, &config.hidden, 1, n_ids, config.activation);
+        let units = units.as_deref();
+        match config.algorithm {
+            Algorithm::Mappo => Architecture::new(
+                config,
+                || flat(sizes.state_size, 0),
+                units,
+                |units| (sizes.state_size, &units.state, None),
+            ),
+            Algorithm::Ippo => Architecture::new(
+                config,
+                || flat(sizes.obs_size, sizes.n_agents),
+                units,
+                |units| (sizes.obs_size, &units.obs, None),
+            ),
+        }
+    }
+
+    fn new<'a>(
+        config: &Config,
+        flat: impl FnOnce() -> Mlp,
+        units: Option<&'a Units>,
+        parts: impl FnOnce(&'a Units) -> (usize, &'a UnitLayout, Option<&'a TargetLayout>),
+    ) -> Architecture {
+        match (config.network, units, &config.hidden[..]) {
+            (NetworkKind::Units, Some(units), &[width, trunk_width]) => {
+                let (n_in, layout, targets) = parts(units);
+                let (layout, targets) = (layout.clone(), targets.cloned());
+                let widths = [width, trunk_width];
+                let network = UnitsNetwork::new(n_in, layout, targets, widths, config.activation);
+                Architecture::Units(Box::new(network))
+            }
+            (NetworkKind::Units, ..) => unreachable!("Config::check and Inputs::check refuse this"),
+            (NetworkKind::Flat, ..) => Architecture::Flat(flat()),
+        }
+    }
+
+    /// The layouts of an actor over units.
+    pub fn layouts(&self) -> Option<(&UnitLayout, &TargetLayout)> {
+        match self {
+            Architecture::Flat(_) => None,
+            Architecture::Units(network) => network.layouts(),
+        }
+    }
+
+    /// Length of the vector of parameters.
+    pub fn n_params(&self) -> usize {
+        match self {
+            Architecture::Flat(network) => network.n_params(),
+            Architecture::Units(network) => network.n_params(),
+        }
+    }
+
+    /// Outputs per row, padded to a multiple of `WIDTH`.
+    pub fn padded_out(&self) -> usize {
+        match self {
+            Architecture::Flat(network) => network.padded_out(),
+            Architecture::Units(network) => network.padded_out(),
+        }
+    }
+
+    /// The parameter tensors, in their order in the vector.
+    pub fn tensors(&self) -> Vec<Tensor> {
+        match self {
+            Architecture::Flat(network) => network.tensors(),
+            Architecture::Units(network) => network.tensors(),
+        }
+    }
+
+    /// First parameters; the last layers are scaled by `last_gain`.
+    pub fn initial_params(&self, last_gain: f64, generator: &mut Pcg64Mcg) -> Vec<f32> {
+        match self {
+            Architecture::Flat(network) => network.initial_params(last_gain, generator),
+            Architecture::Units(network) => network.initial_params(last_gain, generator),
+        }
+    }
+
+    /// Computes the outputs of all rows of `x`; `ids` has the agent of each.
+    pub fn forward(&self, params: &[f32], x: &[f32], ids: &[u16], workspace: &mut Workspace) {
+        workspace.is_units = matches!(self, Architecture::Units(_));
+        match self {
+            Architecture::Flat(network) => {
+                network.forward(params, as_matrix(x, ids.len()), ids, &mut workspace.flat);
+            }
+            Architecture::Units(network) => network.forward(params, x, ids, &mut workspace.units),
+        }
+    }
+
+    /// Adds the gradient of the loss with respect to the parameters to `gradient`. The forward pass with the
+    /// same arguments was the last of this workspace, and its output now is the gradient of the loss with
+    /// respect to the output.
+    pub fn backward(
+        &self,
+        params: &[f32],
+        x: &[f32],
+        ids: &[u16],
+        workspace: &mut Workspace,
+        gradient: &mut [f32],
+    ) {
+        match self {
+            Architecture::Flat(network) => {
+                network.backward(params, as_matrix(x, ids.len()), ids, &mut workspace.flat, gradient);
+            }
+            Architecture::Units(network) => network.backward(params, &mut workspace.units, gradient),
+        }
+    }
+}
+
+fn as_matrix(x: &[f32], rows: usize) -> MatRef<'_, f32> {
+    MatRef::from_row_major_slice(x, rows, x.len() / rows.max(1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use smaclite_engine::{Arena, Rules};
+    use smaclite_scenarios::Smacv2;
+
+    /// Their observations have the rows of no unit, so a network over units would see nothing.
+    #[test]
+    fn observations_without_units_are_refused() {
+        let mut scenario = Scenario::standard("terran_5_vs_5").unwrap();
+        let options = serde_json::json!({"obs_starcraft": false, "obs_timestep_number": true});
+        for (options, is_possible) in [(serde_json::json!({}), true), (options, false)] {
+            scenario.smacv2 = Some(serde_json::from_value::<Smacv2>(options).unwrap());
+            let inputs = Inputs::new(&scenario, Arena::new(&scenario, Rules::Smaclite).sizes());
+            let network = NetworkKind::Units;
+            let config = Config { network, hidden: network.default_hidden(), ..Config::for_agents(5) };
+            assert_eq!(inputs.check(&Config::for_agents(5)), Ok(()));
+            match inputs.check(&config) {
+                Ok(()) => assert!(is_possible),
+                Err(error) => {
+                    let error = error.to_string();
+                    assert!(!is_possible && error.starts_with("network must be `flat` where"), "{error}");
+                    assert!(error.ends_with("got `units`"), "{error}");
+                }
+            }
+        }
+    }
+
+    /// Whatever a standard scenario observes, networks of both kinds have an output per action and one value.
+    #[test]
+    fn networks_fit_every_scenario() {
+        for name in Scenario::standard_names().chain(Scenario::generated_names()) {
+            let scenario = Scenario::standard(name).unwrap();
+            let sizes = Arena::new(&scenario, Rules::Smaclite).sizes();
+            let inputs = Inputs::new(&scenario, sizes);
+            for (network, algorithm) in NetworkKind::BOTH
+                .into_iter()
+                .flat_map(|network| [(network, Algorithm::Mappo), (network, Algorithm::Ippo)])
+            {
+                let hidden = network.default_hidden();
+                let config = Config { network, algorithm, hidden, ..Config::for_scenario(&scenario) };
+                let actor = Architecture::actor(&config, &inputs);
+                assert_eq!(actor.padded_out(), sizes.n_actions.next_multiple_of(8), "{name}");
+                assert_eq!(Architecture::critic(&config, &inputs).padded_out(), 8, "{name}");
+            }
+        }
+    }
+}
