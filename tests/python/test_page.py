@@ -76,7 +76,7 @@ class Page:
         """Waits until two more pictures are drawn."""
         self.page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
-    def wait(self, is_done: Callable[[], bool]) -> None:
+    def wait(self, is_done: Callable[[], object]) -> None:
         """Waits for a condition; the browser's own way needs `eval`, which the page forbids."""
         end = time.monotonic() + 60
         while not is_done():

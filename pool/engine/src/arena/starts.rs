@@ -1,8 +1,9 @@
 //! Where units start under rules `starcraft`: side by side around the centre of their group, as in recorded
 //! battles.
 //!
-//! Each unit takes the free point that is nearest to the centre, of a lattice with four points to its width. Of
-//! points at one distance that in the south is the first, then those a quarter turn farther, counter-clockwise.
+//! Each unit takes the free point that is nearest to the centre, of a lattice with four points to its width.
+//! Of points at one distance that in the south is the first, then those a quarter turn farther,
+//! counter-clockwise.
 
 use glam::{DVec2, Vec2};
 use smaclite_scenarios::{Placement, Scenario};

@@ -48,8 +48,8 @@ pub(super) fn hit(world: &mut World, id: u32, earned: &mut Earned) {
         }
         Targeter::Kamikaze { .. } => {}
         _ if conduct.hit_interval > 0.0 => {
-            // Blows that follow each other need a unit that lives and has no other target by now, and one that
-            // it still reaches.
+            // Blows that follow each other need a unit that lives, and has no other target by now and still
+            // reaches it.
             let goes_on = world.units.alive[i]
                 && world.units.hp[i] > 0.0
                 && own_target == Some(target)
