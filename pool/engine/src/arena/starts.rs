@@ -57,7 +57,8 @@ fn offset(x: i32, y: i32, radius: f64) -> DVec2 {
 
 /// Whether a unit fits at a point, beside the units that have their starts.
 fn is_free(scenario: &Scenario, starts: &[DVec2], unit_type: &UnitType, point: DVec2) -> bool {
-    let (x, y) = (point.x.floor() as i64, point.y.floor() as i64);
+    // Battles round to f32, which may leave the map.
+    let [x, y] = point.as_vec2().to_array().map(|coordinate| coordinate.floor() as i64);
     let (width, height) = (i64::from(scenario.terrain.width()), i64::from(scenario.terrain.height()));
     let is_on_map = (0..width).contains(&x) && (0..height).contains(&y);
     if !is_on_map || unit_type.plane == Plane::Ground && !scenario.terrain.is_walkable(x, y) {

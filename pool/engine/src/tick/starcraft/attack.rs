@@ -5,12 +5,12 @@ use glam::Vec2;
 use smaclite_units::Targeter;
 
 use super::super::{Earned, World, targeters};
+use super::reach::is_within;
 use super::{MAX_FLIGHT, hits};
 use crate::TICK;
-use crate::arena::Arena;
 use crate::distance::distance;
 use crate::random::Generator;
-use crate::units::{AttackPhase, Units};
+use crate::units::AttackPhase;
 
 /// Cosine of 11.25 degrees: a unit attacks what is within that angle of where it faces.
 const ARC: f32 = 0.980_785_3;
@@ -120,15 +120,4 @@ impl AttackPhase {
         // Rounding makes coordinates that are a little greater than 1.
         self.facing = way.clamp(Vec2::NEG_ONE, Vec2::ONE);
     }
-}
-
-/// Whether a unit that has attacked a target can do it again.
-pub(super) fn is_in_slop(arena: &Arena, units: &Units, id: u32, target: u32) -> bool {
-    is_within(arena, units, id, target, arena.stats(id).conduct.range_slop)
-}
-
-fn is_within(arena: &Arena, units: &Units, id: u32, target: u32, slop: f64) -> bool {
-    let (own, other) = (arena.stats(id), arena.stats(target));
-    let gap = distance(units.pos[id as usize], units.pos[target as usize]);
-    gap <= own.attack_range + own.radius + other.radius + slop
 }

@@ -3,7 +3,7 @@
 use smaclite_units::Targeter;
 
 use super::super::{Earned, World, targeters};
-use super::attack;
+use super::reach;
 use crate::TICK;
 
 /// Lands the hits whose time has come.
@@ -53,7 +53,7 @@ pub(super) fn hit(world: &mut World, id: u32, earned: &mut Earned) {
             let goes_on = world.units.alive[i]
                 && world.units.hp[i] > 0.0
                 && own_target == Some(target)
-                && attack::is_in_slop(world.arena, world.units, id, target);
+                && reach::is_in_slop(world.arena, world.units, id, target);
             match goes_on {
                 true => targeters::strike(world, id, target, 1, earned),
                 false => world.units.phases[i].hits = 0,

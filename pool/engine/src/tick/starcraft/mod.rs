@@ -9,6 +9,7 @@
 mod attack;
 mod choice;
 mod hits;
+mod reach;
 mod walk;
 
 use super::{Earned, World, avoid, deaths};

@@ -4,7 +4,7 @@ use glam::Vec2;
 use smaclite_units::Plane;
 
 use super::super::{TickScratch, World};
-use super::attack;
+use super::reach;
 use crate::arena::Arena;
 use crate::command::Command;
 use crate::distance::distance_squared;
@@ -63,7 +63,7 @@ fn goal(arena: &Arena, units: &Units, id: u32, command: Command) -> Option<Vec2>
         let matchup = arena.matchup(id, target);
         let is_near = || {
             let is_in_range = distance_squared(units.pos[id as usize], at) <= matchup.reach_squared;
-            is_in_range || phase.hit_target == Some(target) && attack::is_in_slop(arena, units, id, target)
+            is_in_range || phase.hit_target == Some(target) && reach::is_in_slop(arena, units, id, target)
         };
         return (!matchup.can_attack || !is_near()).then_some(at);
     }
