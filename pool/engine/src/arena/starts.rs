@@ -18,36 +18,37 @@ const PULL: f64 = 0.0625;
 
 /// The start positions of all units. One without a free point on walkable ground keeps that of its scenario.
 pub(super) fn starts(scenario: &Scenario) -> Vec<Vec2> {
-    let offsets = lattice(scenario.units.len());
     let mut starts: Vec<DVec2> = Vec::with_capacity(scenario.units.len());
     // What was taken stays taken: units of one type and group go on where the one before them stopped.
-    let (mut kind, mut begin) = (None, 0);
+    let (mut kind, mut points) = (None, lattice(0));
     for unit in &scenario.units {
         let (unit_type, centre) = (type_of(scenario, unit), DVec2::from(unit.centre));
         if kind.replace((unit.unit_type, centre)) != Some((unit.unit_type, centre)) {
-            begin = 0;
+            let n_units = scenario.units.iter().filter(|other| other.centre == unit.centre).count();
+            // Enough for the group and for walls and other units beside it, and no more: maps may be full.
+            points = lattice(40 + 5 * n_units.isqrt() as u32);
         }
-        let point = |&(x, y): &(i32, i32)| centre + offset(x, y, unit_type.radius());
-        let is_free = |at: &usize| is_free(scenario, &starts, unit_type, point(&offsets[*at]));
-        let found = (begin..offsets.len()).find(is_free);
-        begin = found.map_or(offsets.len(), |at| at + 1);
-        starts.push(found.map_or(DVec2::from(unit.position), |at| point(&offsets[at])));
+        let mut candidates = points.by_ref().map(|at| centre + offset(at, unit_type.radius()));
+        let found = candidates.find(|point| is_free(scenario, &starts, unit_type, *point));
+        starts.push(found.unwrap_or(DVec2::from(unit.position)));
     }
     starts.into_iter().map(DVec2::as_vec2).collect()
 }
 
-/// The points of the lattice by their distance, enough for all units and for walls beside them.
-fn lattice(n_units: usize) -> Vec<(i32, i32)> {
-    let reach = 40 + 5 * n_units.isqrt() as i32;
-    let quarter = (0..=reach).flat_map(|x| (1..=reach).map(move |south| (x, south)));
-    let mut quarter: Vec<(i32, i32)> = quarter.filter(|(x, y)| x * x + y * y <= reach * reach).collect();
-    quarter.sort_by_key(|&(x, south)| (x * x + south * south, x));
-    let turned =
-        quarter.into_iter().flat_map(|(x, south)| [(x, -south), (south, x), (-x, south), (-south, -x)]);
-    std::iter::once((0, 0)).chain(turned).collect()
+/// The points of the lattice by their distance, up to this many steps.
+fn lattice(reach: u32) -> impl Iterator<Item = [i32; 2]> {
+    // Of each four points that are a quarter turn apart, the one between the south and the east.
+    let ring = |squared: u32| {
+        let souths = (0..=squared.isqrt()).filter_map(move |x| {
+            let south = (squared - x * x).isqrt();
+            (south > 0 && x * x + south * south == squared).then_some([x as i32, south as i32])
+        });
+        souths.flat_map(|[x, south]| [[x, -south], [south, x], [-x, south], [-south, -x]])
+    };
+    std::iter::once([0, 0]).chain((1..=reach * reach).flat_map(ring))
 }
 
-fn offset(x: i32, y: i32, radius: f64) -> DVec2 {
+fn offset([x, y]: [i32; 2], radius: f64) -> DVec2 {
     let offset = DVec2::new(f64::from(x), f64::from(y)) * (radius / 2.0);
     let is_straight = (x == 0) != (y == 0);
     // Small units of files keep different starts.
