@@ -193,14 +193,15 @@ pub(crate) const RANGE_SLOP: Key<Range> = Key::with_default(
     "range_slop",
     NON_NEGATIVE,
     0.0,
-    "Under rules `starcraft`: an attack that has begun hits a target that is so much farther away than \
-     `attack_range`, in squares.",
+    "Under rules `starcraft`: an attack that has begun, and the next one on the same target, reach so much \
+     farther than `attack_range`, in squares.",
 );
 pub(crate) const HIT_INTERVAL: Key<Range> = Key::with_default(
     "hit_interval",
     SECONDS,
     0.0,
-    "Under rules `starcraft`: time between the hits of one attack, in seconds; a new order ends them.",
+    "Under rules `starcraft`: time between the hits of one attack, in seconds; a new order ends them, and so \
+     does a target out of reach.",
 );
 pub(crate) const PROJECTILE_SPEED: Key<Range> = Key::with_default(
     "projectile_speed",
