@@ -98,10 +98,8 @@ pub(crate) struct TickScratch {
     may_have_dead: bool,
     /// Under rules `starcraft`, the units that have exploded in this tick.
     exploded: Vec<u32>,
-    /// Under rules `starcraft`, the units that stand in this tick.
-    standing: Vec<starcraft::Standing>,
-    /// Under rules `starcraft`, where those that stand near a unit are, from it, and how near it may come.
-    blockers: Vec<(Vec2, f32)>,
+    /// Under rules `starcraft`, the units that stand in this tick, by plane.
+    standing: [starcraft::Standing; 3],
     /// Under rules `starcraft`, how many units attack each unit.
     attackers: Vec<i32>,
     /// Under rules `starcraft`, health and shield of each unit before the hits of this tick.
@@ -164,8 +162,7 @@ impl TickScratch {
         clear_and_reserve(&mut self.exploded, n_units);
         clear_and_reserve(&mut self.attackers, n_units);
         clear_and_reserve(&mut self.vitality, n_units);
-        clear_and_reserve(&mut self.standing, n_units);
-        clear_and_reserve(&mut self.blockers, n_units);
+        self.standing.iter_mut().for_each(|plane| plane.reserve(n_units));
         clear_and_reserve(&mut self.credits, n_units);
         clear_and_reserve(&mut self.before, n_units);
         clear_and_reserve(&mut self.commands, n_units);

@@ -10,7 +10,7 @@ use crate::TICK;
 use crate::arena::Arena;
 use crate::buffers::refill;
 use crate::command::Command;
-use crate::distance::distance;
+use crate::distance::{distance, distance_squared};
 use crate::random::Generator;
 use crate::units::{AliveIds, AttackPhase, Units};
 
@@ -25,6 +25,8 @@ const LEASH: f64 = 5.0;
 /// Units of the side of a unit that was hit look at once, if they are this near to it: the game's radius of
 /// calls for help.
 const CALL_RANGE: f64 = 4.0;
+/// More than the rounding of a square.
+const MARGIN: f64 = 1.000_001;
 
 /// The time until a unit first looks for targets.
 pub(crate) fn first_look(generator: &mut Generator) -> f64 {
@@ -134,7 +136,13 @@ fn best(
         true => alive_ids.faction_of(arena, id),
         false => alive_ids.opponents_of(arena, id),
     };
+    // Most are farther away, which needs no root: not farther by more than the largest unit's radius.
+    let bound = range + stats.radius + arena.largest_radius;
     let rank = |other: u32| {
+        let at = units.pos[other as usize];
+        if distance_squared(units.pos[id as usize], at) > bound * bound * MARGIN {
+            return None;
+        }
         let gap = gap(arena, units, id, other);
         if gap > range || other == id || !arena.can_attack(id, other) {
             return None;

@@ -1,14 +1,15 @@
 //! Where units want to go, and their way there.
 
 use glam::Vec2;
-use smaclite_units::Plane;
 
 use super::super::{TickScratch, World};
 use super::reach;
 use crate::arena::Arena;
 use crate::command::Command;
 use crate::distance::distance_squared;
+use crate::buffers::clear_and_reserve;
 use crate::fast_math;
+use crate::simd::x4::{F32x4, Vec2x4, WIDTH, four};
 use crate::units::Units;
 use crate::{ENERGY_PER_TICK, SHIELD_PER_TICK, TICK};
 
@@ -22,13 +23,72 @@ const MAX_TURNS: usize = 5;
 /// Units that touch do not block the way past each other.
 const TOUCH: f32 = 0.98;
 
-/// A unit that stands in this tick.
-#[derive(Debug)]
+/// The units of a plane that stand in this tick. A list per number, so that one instruction computes several.
+#[derive(Debug, Default)]
 pub(in crate::tick) struct Standing {
-    id: u32,
+    ids: Vec<u32>,
+    x: Vec<f32>,
+    y: Vec<f32>,
+    radii: Vec<f32>,
+}
+
+/// A unit that walks past those that stand.
+struct Walker {
     at: Vec2,
     radius: f32,
-    plane: Plane,
+    /// It is not in the way.
+    target: Option<u32>,
+}
+
+impl Standing {
+    pub fn reserve(&mut self, n_units: usize) {
+        let n_units = n_units.next_multiple_of(WIDTH);
+        clear_and_reserve(&mut self.ids, n_units);
+        [&mut self.x, &mut self.y, &mut self.radii].map(|list| clear_and_reserve(list, n_units));
+    }
+
+    fn clear(&mut self) {
+        self.ids.clear();
+        [&mut self.x, &mut self.y, &mut self.radii].map(Vec::clear);
+    }
+
+    fn push(&mut self, id: u32, at: Vec2, radius: f32) {
+        self.ids.push(id);
+        self.x.push(at.x);
+        self.y.push(at.y);
+        self.radii.push(radius);
+    }
+
+    /// Fills the last register with units that are near no other.
+    fn pad(&mut self) {
+        while !self.ids.len().is_multiple_of(WIDTH) {
+            self.push(u32::MAX, Vec2::INFINITY, 0.0);
+        }
+    }
+
+    /// Whether one of them is in the way of a unit in a direction.
+    fn are_in_way(&self, walker: &Walker, to: Vec2) -> bool {
+        let four = four();
+        let [at, to] = [walker.at, to].map(|vector| Vec2x4::splat(four, vector));
+        let [own, ahead, touch, zero] =
+            [walker.radius, LOOK_AHEAD, TOUCH, 0.0].map(|number| F32x4::splat(four, number));
+        let places = Vec2x4::all(four, &self.x, &self.y).zip(F32x4::all(four, &self.radii));
+        places.zip(self.ids.chunks_exact(WIDTH)).any(|((place, radius), ids)| {
+            let (way, reach) = (place - at, own + radius);
+            let is_near = way.length_squared().lt((reach + ahead) * (reach + ahead));
+            let is_ahead = way.dot(to).gt(zero);
+            let is_in_lane = way.perp_dot(to).abs().lt(reach * touch);
+            let mut in_way = (is_near & is_ahead & is_in_lane).bits();
+            // Nearly always none is.
+            while in_way != 0 {
+                if Some(ids[in_way.trailing_zeros() as usize]) != walker.target {
+                    return true;
+                }
+                in_way &= in_way - 1;
+            }
+            false
+        })
+    }
 }
 
 /// Sets the preferred velocity of every living unit.
@@ -39,14 +99,13 @@ pub(super) fn prefer(world: &mut World) {
         let goal = goal(arena, units, id, scratch.commands[i]);
         scratch.preferred[i] = goal.map_or(Vec2::ZERO, |goal| velocity(arena, units, id, goal));
     }
-    scratch.standing.clear();
-    let stands = |id: &&u32| scratch.preferred[**id as usize] == Vec2::ZERO;
-    scratch.standing.extend(alive_ids.all.iter().filter(stands).map(|&id| Standing {
-        id,
-        at: units.pos[id as usize],
-        radius: arena.avoidance[id as usize].radius,
-        plane: arena.stats(id).plane,
-    }));
+    let TickScratch { preferred, standing, .. } = scratch;
+    standing.iter_mut().for_each(Standing::clear);
+    for &id in alive_ids.all.iter().filter(|id| preferred[**id as usize] == Vec2::ZERO) {
+        let (plane, radius) = (arena.stats(id).plane, arena.avoidance[id as usize].radius);
+        standing[plane as usize].push(id, units.pos[id as usize], radius);
+    }
+    standing.iter_mut().for_each(Standing::pad);
     for &id in &alive_ids.all {
         go_around(arena, units, scratch, id);
     }
@@ -97,26 +156,15 @@ fn velocity(arena: &Arena, units: &Units, id: u32, goal: Vec2) -> Vec2 {
 /// Turns a unit that walks into others that stand: it goes past them on the side to which it moves already.
 fn go_around(arena: &Arena, units: &Units, scratch: &mut TickScratch, id: u32) {
     let (i, own) = (id as usize, arena.stats(id));
-    let (wanted, at) = (scratch.preferred[i], units.pos[i]);
+    let TickScratch { preferred, standing, .. } = scratch;
+    let wanted = preferred[i];
     let speed = wanted.length();
     if speed == 0.0 {
         return;
     }
-    let TickScratch { preferred, standing, blockers, .. } = scratch;
-    let ahead = standing.iter().filter_map(|other| {
-        let (way, reach) = (other.at - at, own.avoid.radius + other.radius);
-        // Most are farther away: this is asked of every pair of a unit that walks and one that stands.
-        if way.length_squared() >= (reach + LOOK_AHEAD) * (reach + LOOK_AHEAD) {
-            return None;
-        }
-        (other.plane == own.plane && Some(other.id) != units.target[i]).then_some((way, reach * TOUCH))
-    });
-    blockers.clear();
-    blockers.extend(ahead);
-    let is_free = |to: Vec2| {
-        let blocks = |(way, reach): &(Vec2, f32)| way.dot(to) > 0.0 && way.perp_dot(to).abs() < *reach;
-        !blockers.iter().any(blocks)
-    };
+    let standing = &standing[own.plane as usize];
+    let walker = Walker { at: units.pos[i], radius: own.avoid.radius, target: units.target[i] };
+    let is_free = |to: Vec2| !standing.are_in_way(&walker, to);
     let straight = wanted / speed;
     if is_free(straight) {
         return;
