@@ -3,8 +3,6 @@ battles."""
 
 from __future__ import annotations
 
-import gzip
-import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,7 +12,7 @@ import pytest
 import smaclite_pool as sp
 
 from realism import __main__ as command
-from realism import measures, play, recordings, restarted, rows, runs
+from realism import measures, play, record, recordings, restarted, rows, runs
 from realism.columns import Columns
 from realism.free import play as play_freely
 from realism.pool import SEED, Setting, opened
@@ -23,57 +21,21 @@ from realism.recordings import RecordingError
 SETTING = Setting("smaclite", "3m", threads=1)
 # Middles of cells, as what is not recorded of starts is put there.
 STARTS = [[9.5, 14.5], [9.5, 16.5], [9.5, 18.5], [20.5, 14.5], [20.5, 16.5], [20.5, 18.5]]
-MOVES = {number: kind for kind, number in recordings.MOVES.items()}
 
 
 def recorded() -> dict[str, Any]:
     """A battle of 3m as a recording, with all that one of the real game has."""
-    with sp.make("3m", 1, threads=1, fields=["state", "avail_actions", "snapshot"]) as envs:
+    with sp.make("3m", 1, threads=1, fields=record.FIELDS) as envs:
         columns = sp.snapshot_columns(envs.reset(seed=SEED).snapshot[0])
         columns["pos"][:] = STARTS
         batch = envs.restore(sp.pack_snapshot(columns, envs), rng="reseed", seed=SEED)
-        policy = sp.ScriptedPolicy("nearest", envs)
-        steps: list[Any] = []
-        died: list[int | None] = [None] * 6
-        while not (batch.terminated[0] or batch.truncated[0]):
-            places = sp.snapshot_columns(batch.snapshot[0])["pos"].tolist()
-            actions = policy(batch)
-            steps.append([8 * len(steps), [order(a, int(actions[0, a]), places) for a in range(3)]])
-            batch = envs.step(actions)
-            for unit in np.flatnonzero(~sp.snapshot_columns(batch.snapshot[0])["alive"]):
-                died[unit] = died[unit] or 8 * len(steps)
-    units = [
-        {
-            "id": i,
-            "type": "Marine_RL" if i < 3 else "Marine",
-            "owner": 1 if i < 3 else 2,
-            "born_cell": [int(x) for x in STARTS[i]],
-            "died": died[i],
-            "killer": None,
-        }
-        for i in range(6)
-    ]
-    battle = {"battle": 0, "removed": steps[-1][0] + 9, "units": units, "steps": steps}
-    return {"map": "3m", "version": "0", "battles": [battle]}
-
-
-def order(agent: int, action: int, places: Any) -> list[Any]:
-    if action in MOVES:
-        return [agent, MOVES[action], 42, *places[agent]]
-    if action >= recordings.FIRST_TARGET:
-        target = 3 + action - recordings.FIRST_TARGET
-        return [agent, "unit", 45, target, *places[target]]
-    return [agent, "stop", 40]
-
-
-def write(recording: Any, path: Path) -> Path:
-    path.write_bytes(gzip.compress(json.dumps(recording).encode()))
-    return path
+        battles = record.record(envs, batch, sp.ScriptedPolicy("nearest", envs))
+    return {"map": "3m", "version": "0", "battles": battles}
 
 
 def measured(recording: Any, folder: Path) -> tuple[dict[str, float], restarted.Walks, restarted.Walks]:
     """Means of battles that are played from their start, and walks."""
-    _, battles = recordings.read_file(write(recording, folder / "3m.json.gz"))
+    _, battles = recordings.read_file(record.write(recording, folder / "3m.json.gz"))
     with opened(battles, SETTING, 1) as player:
         values = measures.compare(player.cast.course, play_freely(player))
     with opened(battles, SETTING, 1) as player:
@@ -94,6 +56,21 @@ def test_a_battle_of_this_engine_has_no_distance_from_itself(tmp_path: Path) -> 
     for (side, _, steps), pairs in drifts.items():
         assert np.median(pairs.error) < 1e-4, (side, steps)
     assert {("agents", "MARINE", 1), ("enemies", "MARINE", 1), ("enemies", "MARINE", 4)} <= set(drifts)
+
+
+def test_battles_of_a_team_are_recorded_and_played_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its orders are played with other random numbers, so a part of the battles ends otherwise."""
+    assert record.main(["3m", str(tmp_path), "--battles", "8"]) == 0
+    assert capsys.readouterr().out.strip() == str(tmp_path / "3m.json.gz")
+    _, battles = recordings.read_file(tmp_path / "3m.json.gz")
+    with opened(battles, SETTING, 4) as player:
+        played = play_freely(player)
+        assert player.cast.course.won.mean() > 0.8
+        assert played.died.shape == (8, 4, 6) and np.isfinite(played.died).any()
+    assert record.main(["no_such_team", str(tmp_path)]) == 1
+    assert "no_such_team" in capsys.readouterr().err
 
 
 def test_a_battle_with_a_slower_clock_is_found_to_be_far(tmp_path: Path) -> None:
@@ -161,14 +138,14 @@ def test_a_recording_with_another_format_is_refused(
     recording = recorded()
     edit(recording)
     with pytest.raises(RecordingError) as raised:
-        recordings.read(write(recording, tmp_path / "3m.json.gz").parent)
+        recordings.read(record.write(recording, tmp_path / "3m.json.gz").parent)
     assert error in str(raised.value) and str(tmp_path) in str(raised.value)
 
 
 def test_the_command_goes_on_after_an_unknown_rule_set(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    write(recorded(), tmp_path / "3m.json.gz")
+    record.write(recorded(), tmp_path / "3m.json.gz")
     options = ["--rules", "warcraft", "smaclite", "--seeds", "2", "--maps", "3m", "--episodes", "5"]
     assert command.main([str(tmp_path), *options, "--csv", str(tmp_path / "numbers")]) == 1
     printed = capsys.readouterr()
