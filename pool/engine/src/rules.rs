@@ -46,7 +46,7 @@ impl Rules {
 impl Rules {
     /// The scenario with the figures of these rules: under `starcraft` those of the game for each standard
     /// type, under the others without what only `starcraft` reads.
-    pub(crate) fn figures(self, scenario: &Scenario) -> Cow<'_, Scenario> {
+    pub fn figures(self, scenario: &Scenario) -> Cow<'_, Scenario> {
         let mut scenario = Cow::Borrowed(scenario);
         if self != Rules::Starcraft {
             if scenario.unit_types.iter().any(|unit_type| unit_type.conduct != Conduct::default()) {

@@ -32,7 +32,8 @@ export const FACTION_COLOURS = ["ally", "enemy"];
  */
 function recentAttacks(track, time, draw) {
   const newest = Math.min(track.last, Math.ceil(time));
-  for (let tick = Math.max(0, newest - BLAST_TICKS); tick <= newest; tick++) {
+  const seen = Math.max(BLAST_TICKS, track.longestFlight + SHOT_TICKS);
+  for (let tick = Math.max(0, newest - Math.ceil(seen)); tick <= newest; tick++) {
     const age = time - (tick - 1);
     if (age > 0) for (const attack of track.attacks[tick]) draw(attack, age, tick);
   }
@@ -90,6 +91,7 @@ function edgePoints(view, at, attack) {
  * @param {string} tone
  */
 function drawShot(view, at, attack, age, tone) {
+  if (attack.flight > 0) return drawProjectile(view, at, attack, age, tone);
   if (age > SHOT_TICKS) return;
   const { context } = view,
     { x0, y0, x1, y1, ux, uy, gap } = edgePoints(view, at, attack);
@@ -127,6 +129,40 @@ function drawShot(view, at, attack, age, tone) {
   line(Math.max(2.5, size * 0.14), 0.22 * fade);
   line(Math.max(1.2, size * 0.05), 0.95 * fade);
   if (age > 0.9) spark(view, x1, y1, age - 0.9, tone, Math.atan2(uy, ux));
+}
+
+/**
+ * What a unit fired, on its way; then where it lands.
+ * @param {BattleView} view
+ * @param {Ends} at
+ * @param {Attack} attack
+ * @param {number} age
+ * @param {string} tone
+ */
+function drawProjectile(view, at, attack, age, tone) {
+  const { context } = view,
+    { x0, y0, x1, y1, ux, uy } = edgePoints(view, at, attack);
+  // Age 1 is the tick in which it was fired.
+  const part = clamp((age - 1) / attack.flight);
+  if (part === 1) {
+    const landed = age - 1 - attack.flight;
+    if (landed < SHOT_TICKS - 1) spark(view, x1, y1, landed, tone, Math.atan2(uy, ux));
+    return;
+  }
+  const [x, y] = [x0 + (x1 - x0) * part, y0 + (y1 - y0) * part];
+  const tail = Math.min(view.scale * 0.35, Math.hypot(x - x0, y - y0));
+  context.lineCap = "round";
+  for (const [width, opacity] of [
+    [0.24, 0.25],
+    [0.11, 0.95],
+  ]) {
+    context.beginPath();
+    context.moveTo(x - ux * tail, y - uy * tail);
+    context.lineTo(x, y);
+    context.lineWidth = Math.max(1.5, view.scale * width);
+    context.strokeStyle = theme.faint(tone, opacity);
+    context.stroke();
+  }
 }
 
 /**

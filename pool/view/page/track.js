@@ -3,7 +3,10 @@
 // live data.
 
 /** @import { ScenarioInfo } from "./data.d.ts" */
-/** @typedef {{ by: number, on: number, kind: string }} Attack */
+/**
+ * `flight` is the ticks until a shot arrives; 0 if it hits at once.
+ * @typedef {{ by: number, on: number, kind: string, flight: number }} Attack
+ */
 /** @typedef {{ action: number, available: number[] }} Decision */
 
 // The orders of `encode_moments` in pool/view/src/page/data.rs.
@@ -89,6 +92,8 @@ export class Track {
     /** By moment: the attacks of the tick that ends there.
      * @type {Attack[][]} */
     this.attacks = [];
+    /** In ticks. */
+    this.longestFlight = 0;
     /** Every death, in order.
      * @type {{ tick: number, unit: number }[]} */
     this.deaths = [];
@@ -157,11 +162,10 @@ export class Track {
     for (let i = 0; i < count; i++) {
       const attacks = [];
       for (let n = numbers.unsigned(); n > 0; n--) {
-        attacks.push({
-          by: numbers.unsigned(),
-          on: numbers.unsigned(),
-          kind: ATTACK_KINDS[numbers.unsigned()],
-        });
+        const [by, on, kind] = [numbers.unsigned(), numbers.unsigned(), ATTACK_KINDS[numbers.unsigned()]];
+        const flight = kind === "shot" ? numbers.unsigned() : 0;
+        attacks.push({ by, on, kind, flight });
+        this.longestFlight = Math.max(this.longestFlight, flight);
       }
       this.attacks.push(attacks);
       this.summarise(this.length + i);

@@ -1,9 +1,9 @@
 //! The visible state of a battle after a tick.
 
 use glam::Vec2;
-use smaclite_engine::{Battle, Units};
+use smaclite_engine::{Battle, Rules, Units};
 use smaclite_scenarios::{Faction, Scenario};
-use smaclite_units::{Targeter, UnitType};
+use smaclite_units::{Conduct, Targeter, UnitType};
 
 /// A battle after a tick.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -54,7 +54,10 @@ pub struct Attack {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum AttackKind {
     /// A hit on the target.
-    Shot,
+    Shot {
+        /// Ticks until it arrives; 0 if it hits at once.
+        flight: u16,
+    },
     /// A beam: a rectangle centred on the target, `width` across the line of fire and `height` along it, in
     /// squares.
     Beam {
@@ -93,9 +96,12 @@ struct Attacker {
     /// The largest distance of centres at which it attacks a point.
     reach: f32,
     radius: f32,
+    conduct: Conduct,
     /// The newest target. A unit that is commanded to target a dead one goes on acting on its place, with no
     /// target.
     target: Option<u32>,
+    /// Whether an attack had begun before this tick, and not come to its damage point.
+    is_winding_up: bool,
 }
 
 impl Attacker {
@@ -105,7 +111,9 @@ impl Attacker {
             acts_every_tick: unit_type.cooldown <= 1.0 / TICKS_PER_SECOND,
             reach: (unit_type.radius() + unit_type.attack_range) as f32,
             radius: unit_type.radius() as f32,
+            conduct: unit_type.conduct,
             target: None,
+            is_winding_up: false,
         }
     }
 }
@@ -122,8 +130,10 @@ impl Observer {
     }
 
     fn with_types(scenario: &Scenario, units: &Units, types: Vec<usize>) -> Observer {
-        let attackers = types.iter().map(|&unit_type| Attacker::new(&scenario.unit_types[unit_type]));
-        let attackers = attackers.collect();
+        // Only under `starcraft` have attacks phases.
+        let rules = if units.phases.is_empty() { Rules::default() } else { Rules::Starcraft };
+        let all = &rules.figures(scenario).unit_types;
+        let attackers = types.iter().map(|&unit_type| Attacker::new(&all[unit_type])).collect();
         let opponents = Opponents::new(scenario, units);
         let facing = |id: usize| opponents.seen_from(scenario, units.pos[id], id);
         let start = |(id, &unit_type)| state(units, id, unit_type, facing(id));
@@ -154,20 +164,37 @@ impl Observer {
             let facing = direction.map_or(last.facing, Vec2::to_angle);
             states.push(state(units, id, last.unit_type, facing));
         }
+        for (attacker, phase) in self.attackers.iter_mut().zip(&units.phases) {
+            attacker.is_winding_up = phase.windup > 0.0;
+        }
         self.last = Moment { tick: self.last.tick + 1, units: states, attacks };
         &self.last
     }
 
-    /// The attack of a unit in this tick, if it made one: its cooldown began, it spent energy on healing, or
-    /// it died by its own explosion.
+    /// The attack of a unit in this tick, if it made one: its cooldown began, it came to its damage point, it
+    /// spent energy on healing, or it exploded.
     fn attack(&self, units: &Units, id: usize) -> Option<Attack> {
         let (before, attacker) = (&self.last.units[id], &self.attackers[id]);
-        let on = attacker.target?;
-        let began = units.cooldown[id] as f32 > before.cooldown
-            || attacker.acts_every_tick && self.hits(units, id, on as usize);
+        let phase = units.phases.get(id);
+        // Killed by others, it has perhaps no target.
+        let explodes = phase.is_some() && !units.alive[id] && attacker.conduct.explodes_when_killed;
+        let on = attacker.target.or(explodes.then_some(id as u32))?;
+        let is_reloading = units.cooldown[id] as f32 > before.cooldown;
+        let began = match phase {
+            // It took effect: an attack that is broken off costs no time.
+            Some(phase) => {
+                phase.windup == 0.0 && (is_reloading || attacker.is_winding_up && units.cooldown[id] > 0.0)
+            }
+            None => is_reloading,
+        };
+        let began = began || attacker.acts_every_tick && self.hits(units, id, on as usize);
         let kind = match attacker.targeter {
             _ if !before.alive => return None,
-            Targeter::Standard if began => AttackKind::Shot,
+            Targeter::Standard if began => {
+                let fired = phase.filter(|phase| phase.hits > 0 && attacker.conduct.projectile_speed > 0.0);
+                let ticks = |seconds: f64| (seconds * TICKS_PER_SECOND).ceil() as u16;
+                AttackKind::Shot { flight: fired.map_or(0, |phase| ticks(phase.hit_time)) }
+            }
             Targeter::LaserBeam { width, height } if began => {
                 AttackKind::Beam { width: width as f32, height: height as f32 }
             }
@@ -179,7 +206,9 @@ impl Observer {
                 AttackKind::Heal
             }
             // A unit that was killed by others has not exploded.
-            Targeter::Kamikaze { radius } if began || attacker.acts_every_tick && !units.alive[id] => {
+            Targeter::Kamikaze { radius }
+                if began || explodes || attacker.acts_every_tick && !units.alive[id] =>
+            {
                 AttackKind::Explosion { radius: radius as f32 }
             }
             _ => return None,

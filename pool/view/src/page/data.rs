@@ -149,7 +149,7 @@ pub fn scenario_info(scenario: &Scenario, arena: &Arena) -> ScenarioInfo {
         height: terrain.height(),
         obstacles: rects.collect(),
         attack_point: scenario.attack_point,
-        types: types_info(&scenario.unit_types),
+        types: types_info(&arena.rules().figures(scenario).unit_types),
         units: units.collect(),
         n_agents: arena.sizes().n_agents,
         n_actions: arena.sizes().n_actions,
@@ -258,13 +258,14 @@ pub fn encode_moments(moments: &[Moment]) -> Vec<u8> {
     for moment in moments {
         put(&mut out, moment.attacks.len() as u64);
         for attack in &moment.attacks {
-            let kind = match attack.kind {
-                AttackKind::Shot => 0,
-                AttackKind::Beam { .. } => 1,
-                AttackKind::Explosion { .. } => 2,
-                AttackKind::Heal => 3,
+            let (kind, flight) = match attack.kind {
+                AttackKind::Shot { flight } => (0, Some(flight)),
+                AttackKind::Beam { .. } => (1, None),
+                AttackKind::Explosion { .. } => (2, None),
+                AttackKind::Heal => (3, None),
             };
-            [attack.by.into(), attack.on.into(), kind].into_iter().for_each(|number| put(&mut out, number));
+            let numbers = [attack.by.into(), attack.on.into(), kind];
+            numbers.into_iter().chain(flight.map(u64::from)).for_each(|number| put(&mut out, number));
         }
     }
     out

@@ -3,7 +3,7 @@
 use glam::Vec2;
 
 use super::canvas::Canvas;
-use super::{Look, Renderer};
+use super::{Look, RECENT_TICKS, Renderer};
 use crate::{Attack, AttackKind, Moment};
 
 /// Ticks after which a mark has faded.
@@ -67,22 +67,39 @@ pub(super) fn draw_below(renderer: &Renderer, canvas: &mut Canvas, moments: &[Mo
             AttackKind::Beam { width, height } if fade > 0.0 => {
                 draw_beam(renderer, canvas, &strike, width, height, fade);
             }
-            AttackKind::Shot if fade > 0.0 => draw_shot(renderer, canvas, &strike, fade),
+            AttackKind::Shot { flight: 0 } if fade > 0.0 => draw_shot(renderer, canvas, &strike, fade),
             _ => {}
         }
     }
 }
 
-/// Draws what lies above the units: hits and heals.
+/// Draws what lies above the units: projectiles, hits and heals.
 pub(super) fn draw_above(renderer: &Renderer, canvas: &mut Canvas, moments: &[Moment]) {
-    for strike in strikes(renderer, moments, ATTACK) {
+    for strike in strikes(renderer, moments, RECENT_TICKS + 1) {
         let fade = fading(strike.age, ATTACK);
         match strike.attack.kind {
-            AttackKind::Shot => draw_spark(renderer, canvas, &strike, fade),
-            AttackKind::Heal => draw_heal(renderer, canvas, &strike, fade),
-            AttackKind::Beam { .. } | AttackKind::Explosion { .. } => {}
+            AttackKind::Shot { flight } if strike.age < usize::from(flight) => {
+                draw_projectile(renderer, canvas, &strike, strike.age as f32 / f32::from(flight));
+            }
+            AttackKind::Shot { flight } => {
+                let fade = fading(strike.age - usize::from(flight), ATTACK);
+                if fade > 0.0 {
+                    draw_spark(renderer, canvas, &strike, fade);
+                }
+            }
+            AttackKind::Heal if fade > 0.0 => draw_heal(renderer, canvas, &strike, fade),
+            AttackKind::Heal | AttackKind::Beam { .. } | AttackKind::Explosion { .. } => {}
         }
     }
+}
+
+/// What a unit fired, after this part of its way.
+fn draw_projectile(renderer: &Renderer, canvas: &mut Canvas, strike: &Strike<'_>, part: f32) {
+    let Some((start, end)) = strike.between() else { return };
+    let (at, tail) = (start.lerp(end, part), strike.direction() * (0.35 * renderer.camera.scale));
+    let width = renderer.stroke(0.16);
+    let ink = renderer.palette.side(strike.by.faction).line;
+    canvas.line(at - tail.clamp_length_max((at - start).length()), at, width * 0.5, width, ink);
 }
 
 fn draw_shot(renderer: &Renderer, canvas: &mut Canvas, strike: &Strike<'_>, fade: f32) {

@@ -122,14 +122,15 @@ fn moments_that_no_battle_has() {
     let renderer = Renderer::new(&scenario, Options { show_range: true, ..size(64, 64) }).unwrap();
     let attacks = |kind| vec![Attack { by: 0, on: 99, kind }, Attack { by: u32::MAX, on: 0, kind }];
     assert_eq!(renderer.render(&Moment::default()), renderer.render_recent(&[]), "a moment without units");
-    let unknown = renderer.render(&Moment { attacks: attacks(AttackKind::Shot), ..whole.clone() });
+    let unknown = renderer.render(&Moment { attacks: attacks(AttackKind::Shot { flight: 0 }), ..whole.clone() });
     assert_eq!(unknown, renderer.render(&whole), "attacks by and on units that do not exist");
     let enemy = whole.units.len() - 1;
     let enemy_at = renderer.pixel_of(whole.units[enemy].pos);
     assert_eq!(faction_at(&renderer.render(&whole), enemy_at), Some(Faction::Enemy));
     for value in [f32::NAN, f32::INFINITY, -1e30, 0.0] {
         let kinds = [
-            AttackKind::Shot,
+            AttackKind::Shot { flight: 0 },
+            AttackKind::Shot { flight: 9 },
             AttackKind::Heal,
             AttackKind::Beam { width: value, height: value },
             AttackKind::Explosion { radius: value },

@@ -10,7 +10,12 @@ use smaclite_view::{Moment, Observer, Options, Picture, Renderer};
 
 /// The moments of an episode that the nearest-enemy policy plays, at most `steps` steps.
 pub fn play(scenario: &Scenario, steps: usize) -> Vec<Moment> {
-    let mut battle = Battle::new(Arc::new(Arena::new(scenario, Rules::Smaclite)), 1);
+    play_by(Rules::Smaclite, scenario, steps)
+}
+
+/// The same by other rules.
+pub fn play_by(rules: Rules, scenario: &Scenario, steps: usize) -> Vec<Moment> {
+    let mut battle = Battle::new(Arc::new(Arena::new(scenario, rules)), 1);
     let mut observer = Observer::new(scenario, &battle);
     let mut moments = vec![observer.moment().clone()];
     let mut scratch = Scratch::new();

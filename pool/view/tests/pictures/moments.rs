@@ -1,8 +1,9 @@
 //! What moments say of a battle.
 
+use smaclite_engine::Rules;
 use smaclite_scenarios::{Faction, Scenario};
 use smaclite_units::UnitType;
-use smaclite_view::{AttackKind, Moment};
+use smaclite_view::{Attack, AttackKind, Moment};
 
 use crate::kit::*;
 
@@ -14,7 +15,7 @@ fn check_losses(scenario: &Scenario, moments: &[Moment]) {
         for (id, (old, new)) in before.units.iter().zip(&now.units).enumerate() {
             let lost = new.hp < old.hp || new.shield < old.shield;
             let is_explained = now.attacks.iter().any(|attack| match attack.kind {
-                AttackKind::Shot => attack.on as usize == id,
+                AttackKind::Shot { .. } => attack.on as usize == id,
                 AttackKind::Beam { .. } => {
                     scenario.units[attack.by as usize].faction != scenario.units[id].faction
                 }
@@ -78,6 +79,66 @@ fn units_that_are_shot_do_not_explode() {
     let moments = play(&standard("so_many_baneling"), 60);
     let kinds = || moments.iter().flat_map(|moment| &moment.attacks).map(|attack| attack.kind);
     assert!(kinds().any(|kind| matches!(kind, AttackKind::Explosion { .. })));
+}
+
+/// Under `starcraft` a stalker's hit comes when its projectile arrives, which was seen to be fired that many
+/// ticks before.
+#[test]
+fn projectiles_arrive_when_they_hit() {
+    let units = [
+        (Faction::Ally, unit_type("STALKER"), [1.5, 4.5]),
+        (Faction::Enemy, unit_type("SPINE_CRAWLER"), [7.5, 4.5]),
+    ];
+    let moments = play_by(Rules::Starcraft, &open_field(12, 9, &units), 20);
+    let vitality = |tick: usize, unit: usize| moments[tick].units[unit].hp + moments[tick].units[unit].shield;
+    let mut n_hits = 0;
+    for moment in &moments {
+        for attack in &moment.attacks {
+            let AttackKind::Shot { flight } = attack.kind else { panic!("{attack:?}") };
+            assert!(flight > 0, "{attack:?}");
+            let (lands, on) = (moment.tick as usize + usize::from(flight), attack.on as usize);
+            if lands < moments.len() && moments[lands - 1].units[on].alive {
+                assert!(vitality(lands, on) < vitality(lands - 1, on), "{attack:?} in tick {}", moment.tick);
+                n_hits += 1;
+            }
+        }
+    }
+    assert!(n_hits > 5, "{n_hits}");
+}
+
+/// A cooldown that begins is not yet an attack under `starcraft`: its damage point is.
+#[test]
+fn attacks_with_phases_explain_the_losses() {
+    for name in ["3m", "2m_vs_1z"] {
+        let scenario = standard(name);
+        let moments = play_by(Rules::Starcraft, &scenario, 60);
+        let struck = |tick: usize, unit: usize| {
+            moments[tick].attacks.iter().any(|attack| attack.on as usize == unit)
+        };
+        let mut n_losses = 0;
+        for (tick, pair) in moments.windows(2).enumerate() {
+            for (unit, (old, new)) in pair[0].units.iter().zip(&pair[1].units).enumerate() {
+                if new.hp < old.hp {
+                    n_losses += 1;
+                    // A zealot's second blow comes five ticks after its first.
+                    let from = if name == "3m" { tick + 1 } else { (tick + 1).saturating_sub(5) };
+                    assert!((from..=tick + 1).any(|tick| struck(tick, unit)), "{name}: {unit} in {tick}");
+                }
+            }
+        }
+        assert!(n_losses > 3, "{name}");
+    }
+}
+
+#[test]
+fn units_that_explode_when_killed_are_seen_to() {
+    let units = [
+        (Faction::Ally, unit_type("MARAUDER"), [1.5, 4.5]),
+        (Faction::Enemy, unit_type("BANELING"), [8.5, 4.5]),
+    ];
+    let moments = play_by(Rules::Starcraft, &open_field(12, 9, &units), 20);
+    let killed = moments.iter().find(|moment| !moment.units[1].alive).expect("the marauder shoots it");
+    assert!(matches!(killed.attacks[..], [Attack { kind: AttackKind::Explosion { .. }, .. }]), "{killed:?}");
 }
 
 #[test]

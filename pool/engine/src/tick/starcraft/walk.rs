@@ -44,12 +44,14 @@ impl Standing {
     pub fn reserve(&mut self, n_units: usize) {
         let n_units = n_units.next_multiple_of(WIDTH);
         clear_and_reserve(&mut self.ids, n_units);
-        [&mut self.x, &mut self.y, &mut self.radii].map(|list| clear_and_reserve(list, n_units));
+        for list in [&mut self.x, &mut self.y, &mut self.radii] {
+            clear_and_reserve(list, n_units);
+        }
     }
 
     fn clear(&mut self) {
         self.ids.clear();
-        [&mut self.x, &mut self.y, &mut self.radii].map(Vec::clear);
+        [&mut self.x, &mut self.y, &mut self.radii].into_iter().for_each(Vec::clear);
     }
 
     fn push(&mut self, id: u32, at: Vec2, radius: f32) {
