@@ -9,6 +9,7 @@ import subprocess
 import sys
 from collections import deque
 from dataclasses import asdict
+from itertools import product
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -23,6 +24,7 @@ safetensors = pytest.importorskip("safetensors.torch")
 # Imported by name, because they import torch, which may be missing.
 ppo: Any = importlib.import_module("smaclite_pool.examples.ppo")
 self_play: Any = importlib.import_module("smaclite_pool.examples.self_play")
+units_network: Any = importlib.import_module("smaclite_pool.examples.units_network")
 value_decomposition: Any = importlib.import_module("smaclite_pool.examples.value_decomposition")
 
 NO_OP = 0
@@ -182,16 +184,18 @@ def test_the_value_of_a_qmix_team_rises_with_those_of_its_agents() -> None:
 def test_defaults_and_weights_are_those_of_the_program(tmp_path: Path) -> None:
     """So the two can be compared, and a folder of `smaclite-pool train` evaluates the team."""
     program = [sys.executable, "-m", "smaclite_pool"]
-    for algorithm in ("mappo", "ippo"):
-        train(ppo, tmp_path, algorithm, steps=1_000, num_envs=16)
-        weights = safetensors.load_file(tmp_path / f"3m-{algorithm}-0/weights.safetensors")
-        folder = tmp_path / f"program-{algorithm}"
-        command = ["train", "3m", "--algorithm", algorithm, "--steps", "1", "--out", str(folder)]
-        subprocess.run([*program, *command], check=True, capture_output=True)
+    for algorithm, network in product(("mappo", "ippo"), ("flat", "units")):
+        train(ppo, tmp_path / network, algorithm, network=network, steps=1_000, num_envs=16)
+        weights = safetensors.load_file(tmp_path / f"{network}/3m-{algorithm}-0/weights.safetensors")
+        folder = tmp_path / f"program-{algorithm}-{network}"
+        command = ["train", "3m", "--algorithm", algorithm, "--network", network, "--steps", "1"]
+        subprocess.run([*program, *command, "--out", str(folder)], check=True, capture_output=True)
 
         config = json.loads((folder / "run.json").read_text())["config"]
-        options = asdict(ppo.Options(algorithm=algorithm, steps=1, entropy=ppo.TEAM_ENTROPY / 3))
-        options["hidden"] = [int(width) for width in options["hidden"].split(",")]
+        options = asdict(
+            ppo.Options(algorithm=algorithm, network=network, steps=1, entropy=ppo.TEAM_ENTROPY / 3)
+        )
+        options["hidden"] = [int(width) for width in ppo.HIDDEN[network].split(",")]
         assert {name: options.get(name, options.get(f"{name}_")) for name in config} == config
 
         file = folder / "weights.safetensors"
@@ -202,6 +206,112 @@ def test_defaults_and_weights_are_those_of_the_program(tmp_path: Path) -> None:
             [*program, "evaluate", str(folder), "--episodes", "4"], check=True, capture_output=True, text=True
         )
         assert "mean return" in done.stdout
+
+
+def some_batch(envs: sp.Envs) -> sp.Batch:
+    """A batch of battles in which units have met, and some are dead or out of sight."""
+    envs.seed_sampler(1)
+    batch = envs.reset(seed=1)
+    for _ in range(20):
+        batch = envs.step(envs.sample_actions())
+    return batch
+
+
+# One without healers, and two with: a fixed team, and one that is drawn.
+@pytest.mark.parametrize("scenario", ["3m", "MMM", "terran_5_vs_5"])
+def test_a_network_over_units_computes_what_that_of_the_program_does(scenario: str, tmp_path: Path) -> None:
+    options: dict[str, Any] = {"network": "units", "num_envs": 16, "horizon": 32, "hidden": [8, 16]}
+    team = sp.train(scenario, tmp_path / "run", seed=1, steps=2_000, actor_lr=0.01, **options)
+    weights = safetensors.load_file(tmp_path / "run/weights.safetensors")
+    sees_state = team.config["algorithm"] == "mappo"
+    assert sees_state == (scenario != "3m")
+    with sp.make(scenario, 32, threads=1, **team.settings) as envs:
+        actor = units_network.actor(envs, [8, 16], 0.01, torch.relu)
+        critic = units_network.critic(envs, [8, 16], sees_state, torch.relu)
+        # Refuses weights of other names or shapes.
+        torch.nn.ModuleDict({"actor": actor, "critic": critic}).load_state_dict(weights)
+        obs = some_batch(envs).obs
+        with torch.no_grad():
+            logits = actor(torch.tensor(obs), torch.arange(envs.n_agents)).numpy()
+    assert np.ptp(logits) > 1 and np.allclose(logits, team.logits(obs), atol=1e-5)
+
+
+def permuted(x: Any, layout: list[Any], kind: str, order: Any) -> Any:
+    """Inputs [..., size] with the rows of a kind of units in another order."""
+    x, names = x.clone(), [kind, *(["last_action"] if kind == "allies" else [])]
+    for part in layout:
+        if part["name"] in names:
+            n, width = part["shape"]
+            columns = slice(part["start"], part["start"] + n * width)
+            x[..., columns] = x[..., columns].unflatten(-1, (n, width))[..., order, :].flatten(-2)
+    return x
+
+
+@pytest.mark.parametrize("activation", [torch.relu, torch.tanh])
+def test_the_order_of_units_does_not_matter_to_networks_over_units(activation: Any) -> None:
+    torch.manual_seed(1)
+    with sp.make("MMM", 16, threads=1, obs_last_actions=2) as envs:
+        info, batch, agents = sp.scenario(envs), some_batch(envs), torch.arange(envs.n_agents)
+        obs, state = torch.tensor(batch.obs), torch.tensor(batch.state)
+        actor = units_network.actor(envs, [8, 16], 1.0, activation)
+        critic = units_network.critic(envs, [8, 16], True, activation)
+    first, n = info["actions"].index("target_0"), len(info["enemies"])
+    attackers = [agent for agent, unit in enumerate(info["allies"]) if not unit["healer"]]
+    order, other_order = torch.randperm(n), torch.randperm(envs.n_agents)
+    with torch.no_grad():
+        expected, values = actor(obs, agents), critic(state, agents)
+        outputs = actor(permuted(obs, info["obs_layout"], "enemies", order), agents)
+        of_enemies = critic(permuted(state, info["state_layout"], "enemies", order), agents)
+        of_allies = critic(permuted(state, info["state_layout"], "allies", other_order), agents)
+    assert expected[..., first:].std(-1).max() > 0.01 and values.std() > 0.01
+    attacks = expected[:, attackers, first : first + n]
+    expected[:, attackers, first : first + n] = attacks[..., order]
+    assert torch.allclose(outputs, expected, atol=1e-5)
+    assert torch.allclose(of_enemies, values, atol=1e-5) and torch.allclose(of_allies, values, atol=1e-5)
+
+
+def test_the_last_action_of_a_dead_agent_does_not_matter_to_networks_over_units() -> None:
+    with sp.make("3m", 16, threads=1) as envs:
+        layout, state = sp.scenario(envs)["state_layout"], torch.tensor(some_batch(envs).state)
+        critic = units_network.critic(envs, [8, 16], True, torch.relu)
+    values = []
+    for names in ([], ["allies"], ["allies", "last_action"]):
+        for part in layout:
+            if part["name"] in names:
+                state[:, part["start"] : part["start"] + part["shape"][1]] = 0.0  # the row of agent 0
+        with torch.no_grad():
+            values.append(critic(state, torch.tensor(0)))
+    alive, dead, without_action = values
+    assert not torch.allclose(alive, dead) and torch.equal(dead, without_action)
+
+
+@pytest.mark.parametrize(
+    ("example", "algorithm"), [(ppo, "mappo"), (ppo, "ippo"), (value_decomposition, "qmix")]
+)
+def test_networks_over_units_learn(example: Any, algorithm: str, tmp_path: Path) -> None:
+    """All of their weights change, and equal seeds give equal runs."""
+    options: dict[str, Any] = {"network": "units", "steps": 4_500, "num_envs": 16, "seed": 3}
+    if example is value_decomposition:
+        options |= {"batch": 8, "log_interval": 1}
+    learner, log = train(example, tmp_path / "one", algorithm, **options)
+    same, _ = train(example, tmp_path / "two", algorithm, **options)
+    assert len(log) > 1
+    torch.manual_seed(3)
+    with example.make(learner.options, 1) as envs:
+        first = example.Learner(envs, learner.options).team.state_dict()
+    weights, same_weights = learner.team.state_dict(), same.team.state_dict()
+    assert all(torch.equal(weights[name], same_weights[name]) for name in weights)
+    assert not [name for name in weights if torch.equal(weights[name], first[name])]
+
+
+def test_networks_over_units_need_units_and_two_widths() -> None:
+    options = {"obs_starcraft": False, "obs_timestep_number": True}
+    with sp.make("3m", 1, threads=1, smacv2=options) as envs:
+        with pytest.raises(sp.InvalidRequest, match=r"network must be `flat` where.*, got `units`"):
+            units_network.actor(envs, [8, 16], 1.0, torch.relu)
+    with sp.make("3m", 1, threads=1) as envs:
+        with pytest.raises(sp.InvalidRequest, match=r"hidden must be 2 widths .*, got \[8\]"):
+            units_network.actor(envs, [8], 1.0, torch.relu)
 
 
 @pytest.mark.parametrize("scenario", ["5m_vs_6m", "8m", "zerg_5_vs_5"])

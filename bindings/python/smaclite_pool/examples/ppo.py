@@ -8,9 +8,10 @@ with the current policy, then improve policy and critic by a few passes of gradi
 agents share one policy, which sees an agent's own observation and its number. The critic, which only training
 uses, sees the state (MAPPO: one value per environment) or an agent's observation (IPPO: one per agent).
 
-Algorithm, defaults, log and names of weights are those of `smaclite-pool train`, which is faster
-(docs/how-to/training.md). This file is to be read and changed: from top to bottom, options, networks,
-advantages, the learner, log, and the loop around it. The same seed gives the same log on a CPU.
+Algorithm, networks, defaults, log and names of weights are those of `smaclite-pool train`, which is faster
+(docs/how-to/training.md). This file is to be read and changed: from top to bottom, options, networks (those
+of `--network units` are in units_network.py), advantages, the learner, log, and the loop around it. The same
+seed gives the same log on a CPU.
 
 Axes of arrays: T steps of a rollout, N environments, A agents, V values per environment (1 or A).
 """
@@ -34,9 +35,15 @@ import smaclite_pool as sp
 import torch
 from numpy.typing import NDArray
 from safetensors.torch import save_file
+from smaclite_pool.examples import units_network
 from smaclite_pool.examples.evaluations import Clock, Evaluations
 from torch import Tensor, nn
 from torch.nn import functional as F
+
+ACTIVATIONS: dict[str, Callable[[Tensor], Tensor]] = {"relu": torch.relu, "tanh": torch.tanh}
+
+HIDDEN = {"flat": "64,64", "units": "32,64"}
+"""The networks, and the default widths of their hidden layers."""
 
 TEAM_ENTROPY = 0.3
 """The more agents explore at once, the less can each of them learn from the reward that they share. So the
@@ -76,8 +83,13 @@ class Options:
     horizon: int = option(64, "steps of each environment per update")
     epochs: int = option(4, "passes over the data of an update")
     minibatches: int = option(8, "gradient steps per epoch")
-    hidden: str = option("64,64", "widths of the hidden layers")
-    activation: str = option("relu", "non-linearity of the hidden layers", ["relu", "tanh"])
+    network: str = option("flat", "flat, or over units: the same for all enemies and all allies", [*HIDDEN])
+    hidden: str = option(
+        "by network",
+        "widths of the hidden layers, over units those of embeddings and trunk; by network: 64,64 for flat, "
+        "32,64 for units",
+    )
+    activation: str = option("relu", "non-linearity of the hidden layers", [*ACTIVATIONS])
     actor_lr: float = option(7e-4, "step size of the actor")
     critic_lr: float = option(1e-3, "step size of the critic")
     lr_end: float = option(0.05, "share of the step sizes that is left at the end, falling linearly")
@@ -105,13 +117,17 @@ class Mlp(nn.ModuleList):
 
     def __init__(self, widths: list[int], n_agents: int, gain: float, activation: str) -> None:
         super().__init__(nn.Linear(n_in, n_out) for n_in, n_out in pairwise(widths))
-        self.activation = {"relu": torch.relu, "tanh": torch.tanh}[activation]
+        self.activation = ACTIVATIONS[activation]
         # An orthogonal matrix keeps the length of its input; sqrt(2) makes up for the half that ReLU drops.
         layer: Any
         for i, layer in enumerate(self):
             nn.init.orthogonal_(layer.weight, gain if i == len(self) - 1 else 2**0.5)
             nn.init.zeros_(layer.bias)
         self.id_bias = nn.Parameter(torch.zeros(n_agents, widths[1])) if n_agents > 0 else None
+
+    @property
+    def head(self) -> Any:
+        return self[-1]
 
     def forward(self, x: Tensor, agents: Tensor) -> Tensor:
         """Of inputs [..., size]; `agents` has the agent of each, and is not used without agents."""
@@ -122,6 +138,17 @@ class Mlp(nn.ModuleList):
         for layer in others:
             x = layer(self.activation(x))
         return x
+
+
+def networks(envs: sp.Envs, options: Options, sees_state: bool) -> tuple[Any, Any]:
+    """Actor and critic. The small gain makes the first policy almost uniform, so that it explores."""
+    hidden, activation = [int(width) for width in options.hidden.split(",")], options.activation
+    if options.network == "units":
+        f = ACTIVATIONS[activation]
+        return units_network.actor(envs, hidden, 0.01, f), units_network.critic(envs, hidden, sees_state, f)
+    actor = Mlp([envs.obs_size, *hidden, envs.n_actions], envs.n_agents, 0.01, activation)
+    seen, of_agents = (envs.state_size, 0) if sees_state else (envs.obs_size, envs.n_agents)
+    return actor, Mlp([seen, *hidden, 1], of_agents, 1.0, activation)
 
 
 def log_probabilities(actor: nn.Module, obs: Tensor, available: Tensor, agents: Tensor) -> Tensor:
@@ -215,14 +242,13 @@ class Learner:
         if options.algorithm == "by team":
             state = envs.n_agents >= STATE_CRITIC_AGENTS or sp.scenario(options.scenario)["teams_are_drawn"]
             options = replace(options, algorithm="mappo" if state else "ippo")
+        if options.hidden == "by network":
+            options = replace(options, hidden=HIDDEN[options.network])
         self.envs, self.options, self.device = envs, options, torch.device(options.device)
         self.sees_state = options.algorithm == "mappo"
-        n_agents, hidden = envs.n_agents, [int(width) for width in options.hidden.split(",")]
+        n_agents = envs.n_agents
         self.n_values = 1 if self.sees_state else n_agents
-        # The small gain makes the first policy almost uniform, so that it explores.
-        self.actor = Mlp([envs.obs_size, *hidden, envs.n_actions], n_agents, 0.01, options.activation)
-        seen, of_agents = (envs.state_size, 0) if self.sees_state else (envs.obs_size, n_agents)
-        self.critic = Mlp([seen, *hidden, 1], of_agents, 1.0, options.activation)
+        self.actor, self.critic = networks(envs, options, self.sees_state)
         self.team = nn.ModuleDict({"actor": self.actor, "critic": self.critic}).to(self.device)
         self.actor_optimiser = torch.optim.Adam(self.actor.parameters(), eps=options.adam_eps)
         self.critic_optimiser = torch.optim.Adam(self.critic.parameters(), eps=options.adam_eps)
@@ -309,7 +335,7 @@ class Learner:
         has_choice = data["avail_actions"][:-1].sum(-1) > 1  # [T, N, A]
 
         learnt_errors, learnt_targets = advantages[is_learnt], targets[is_learnt]
-        self.returns.update(learnt_targets, self.critic[-1])
+        self.returns.update(learnt_targets, self.critic.head)
         old_values = (values[:-1] - self.returns.mean) / self.returns.deviation
         targets = (targets - self.returns.mean) / self.returns.deviation
         # If there is one value per environment, the agents share its advantage.

@@ -13,8 +13,9 @@ was taken more like the reward plus the value that follows:
   does not fall when the value of an agent rises. So each agent's best action is part of the team's best.
 
 Whole episodes are kept, and learnt from more than once, which PPO (ppo.py) cannot do. Log and evaluation are
-as in ppo.py. This file is to be read and changed: from top to bottom, options, networks, memory of episodes,
-the learner, the player, log, and the loop around them. The same seed gives the same log on a CPU.
+as in ppo.py. This file is to be read and changed: from top to bottom, options, networks (`--network units`
+needs units_network.py), memory of episodes, the learner, the player, log, and the loop around them. The same
+seed gives the same log on a CPU.
 
 Axes of arrays: T steps of an episode, B episodes, N environments, A agents.
 """
@@ -38,6 +39,7 @@ import smaclite_pool as sp
 import torch
 from numpy.typing import NDArray
 from safetensors.torch import save_file
+from smaclite_pool.examples import units_network
 from smaclite_pool.examples.evaluations import Clock, Evaluations
 from torch import Tensor, nn
 from torch.nn import functional as F
@@ -66,7 +68,11 @@ class Options:
     batch: int = option(32, "episodes per gradient step")
     # Gradient steps are most of the cost: a smaller number needs fewer environment steps, and more time.
     episodes_per_update: int = option(16, "finished episodes per gradient step")
+    network: str = option(
+        "flat", "flat, or over units: the same for all enemies and all allies", ["flat", "units"]
+    )
     hidden: int = option(64, "width of the agents' network")
+    embedding: int = option(32, "width of the embeddings of units, with --network units")
     mixer_width: int = option(32, "width of QMIX's function")
     lr: float = option(1e-3, "step size")
     gamma: float = option(0.99, "discount per step")
@@ -94,6 +100,22 @@ class AgentNetwork(nn.Module):
         hidden]. Without a memory before the first step, episodes begin."""
         x, memory = self.memory(torch.relu(self.first(obs)).flatten(1, 2), memory)
         return self.values(x).unflatten(1, obs.shape[1:3]), memory
+
+
+class UnitsAgentNetwork(nn.Module):
+    """The same with a network over units. The GRU stands behind its trunk."""
+
+    def __init__(self, envs: sp.Envs, hidden: int, embedding: int) -> None:
+        super().__init__()
+        self.units = units_network.actor(envs, [embedding, hidden], 1.0, torch.relu)
+        self.memory = nn.GRU(hidden, hidden)
+
+    def forward(self, obs: Tensor, memory: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        inputs, agents = obs.flatten(0, 2), torch.arange(obs.shape[2], device=obs.device)
+        trunk, seen = self.units.read(inputs)
+        trunk, memory = self.memory(trunk.unflatten(0, (len(obs), -1)), memory)
+        values = self.units.outputs(inputs, agents.expand(obs.shape[:3]).flatten(), trunk.flatten(0, 1), seen)
+        return values.unflatten(0, obs.shape[:3]), memory
 
 
 class SumMixer(nn.Module):
@@ -188,7 +210,11 @@ class Learner:
 
     def __init__(self, envs: sp.Envs, options: Options) -> None:
         self.options, self.device = options, torch.device(options.device)
-        self.agent = AgentNetwork(envs, options.hidden)
+        self.agent: Any = (
+            UnitsAgentNetwork(envs, options.hidden, options.embedding)
+            if options.network == "units"
+            else AgentNetwork(envs, options.hidden)
+        )
         self.mixer: nn.Module = EachMixer() if options.algorithm == "iql" else SumMixer()
         if options.algorithm == "qmix":
             self.mixer = QmixMixer(envs, options.mixer_width)
