@@ -195,7 +195,7 @@ def test_defaults_and_weights_are_those_of_the_program(tmp_path: Path) -> None:
         options = asdict(
             ppo.Options(algorithm=algorithm, network=network, steps=1, entropy=ppo.TEAM_ENTROPY / 3)
         )
-        options["hidden"] = [int(width) for width in ppo.HIDDEN[network].split(",")]
+        options |= {"hidden": widths(ppo.HIDDEN[network]), "actor_lr": ppo.ACTOR_LR[network]}
         assert {name: options.get(name, options.get(f"{name}_")) for name in config} == config
 
         file = folder / "weights.safetensors"
@@ -206,6 +206,23 @@ def test_defaults_and_weights_are_those_of_the_program(tmp_path: Path) -> None:
             [*program, "evaluate", str(folder), "--episodes", "4"], check=True, capture_output=True, text=True
         )
         assert "mean return" in done.stdout
+
+
+def widths(text: str) -> list[int]:
+    return [int(width) for width in text.split(",")]
+
+
+@pytest.mark.parametrize("scenario", ["zerg_5_vs_5", "MMM"])
+def test_defaults_that_depend_on_the_team_are_those_of_the_program(scenario: str, tmp_path: Path) -> None:
+    program = [sys.executable, "-m", "smaclite_pool", "train", scenario, "--steps", "1", "--num-envs", "2"]
+    subprocess.run([*program, "--out", str(tmp_path / "run")], check=True, capture_output=True)
+    config = json.loads((tmp_path / "run" / "run.json").read_text())["config"]
+    with sp.make(scenario, 2, obs_last_actions=4) as envs:
+        learner = ppo.Learner(envs, ppo.Options(scenario=scenario, num_envs=2))
+        options = learner.options
+    assert options.network == config.get("network", "flat") == ("flat" if scenario == "MMM" else "units")
+    assert (options.algorithm, options.actor_lr) == (config["algorithm"], config["actor_lr"])
+    assert widths(options.hidden) == config["hidden"]
 
 
 def some_batch(envs: sp.Envs) -> sp.Batch:

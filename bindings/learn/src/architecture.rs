@@ -219,7 +219,7 @@ mod tests {
             scenario.smacv2 = Some(serde_json::from_value::<Smacv2>(options).unwrap());
             let inputs = Inputs::new(&scenario, Arena::new(&scenario, Rules::Smaclite).sizes());
             let network = NetworkKind::Units;
-            let config = Config { network, hidden: network.default_hidden(), ..Config::for_agents(5) };
+            let config = Config::for_agents(5).with_network(network);
             assert_eq!(inputs.check(&Config::for_agents(5)), Ok(()));
             match inputs.check(&config) {
                 Ok(()) => assert!(is_possible),
@@ -243,8 +243,7 @@ mod tests {
                 .into_iter()
                 .flat_map(|network| [(network, Algorithm::Mappo), (network, Algorithm::Ippo)])
             {
-                let hidden = network.default_hidden();
-                let config = Config { network, algorithm, hidden, ..Config::for_scenario(&scenario) };
+                let config = Config { algorithm, ..Config::for_scenario(&scenario).with_network(network) };
                 let actor = Architecture::actor(&config, &inputs);
                 assert_eq!(actor.padded_out(), sizes.n_actions.next_multiple_of(8), "{name}");
                 assert_eq!(Architecture::critic(&config, &inputs).padded_out(), 8, "{name}");

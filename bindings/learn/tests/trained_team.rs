@@ -12,9 +12,8 @@ use std::sync::Arc;
 /// The folder of a short run, whose agents observe their last two actions.
 fn team(folder: &tempfile::TempDir, map: &str, network: NetworkKind) -> (PathBuf, RuntimeDir) {
     let runtime_dir = RuntimeDir::at(folder.path().join("pools")).unwrap();
-    let hidden = network.default_hidden();
-    let small = Config { num_envs: 4, horizon: 8, minibatches: 2, hidden, ..Config::for_agents(3) };
-    let config = Config { steps: 64, last_actions: 2, network, ..small };
+    let small = Config { num_envs: 4, horizon: 8, minibatches: 2, ..Config::for_agents(3) };
+    let config = Config { steps: 64, last_actions: 2, ..small }.with_network(network);
     let scenario = resolve_scenario(map, Rules::Smaclite).unwrap();
     let lanes = Lanes::start(&scenario, 4, 2, 1, &runtime_dir).unwrap();
     let path = folder.path().join("run");

@@ -102,15 +102,19 @@ macro_rules! hyperparameters {
             $($(#[doc = $doc])+ #[arg(long $(, value_parser = $parser)?)]
                 $name: Option<$type>,)+
             /// Widths of the hidden layers of both networks, separated by commas; with --network units two,
-            /// by default 32,64: of the embeddings of units, and of the layers behind [default: 64,64]
+            /// of the embeddings of units, and of the layers behind [default: 64,64, with --network units
+            /// 32,64]
             #[arg(long, value_delimiter = ',', value_name = "N,...", value_parser = count(2..=4096))]
             hidden: Option<Vec<usize>>,
         }
 
         impl Hyperparameters {
-            fn apply(self, config: &mut Config) {
+            fn apply(self, mut config: Config) -> Config {
+                if let Some(network) = self.network {
+                    config = config.with_network(network);
+                }
                 $(if let Some(value) = self.$name { config.$name = value; })+
-                config.hidden = self.hidden.unwrap_or_else(|| config.network.default_hidden());
+                Config { hidden: self.hidden.unwrap_or(config.hidden), ..config }
             }
         }
     };
@@ -134,11 +138,11 @@ hyperparameters! {
     /// Gradient steps per epoch [default: 8]
     minibatches: usize = count(1..=1000),
     /// Networks of actor and critic: flat (layers over all features) or units (over units: enemies share
-    /// weights, and so do allies, whatever their order) [default: flat]
+    /// weights, and so do allies, whatever their order) [default: units for drawn teams, otherwise flat]
     network: NetworkKind,
     /// Non-linearity of the hidden layers: relu or tanh [default: relu]
     activation: Activation,
-    /// Step size of the actor [default: 0.0007]
+    /// Step size of the actor [default: 0.0007, with --network units 0.0014]
     actor_lr: f64,
     /// Step size of the critic [default: 0.001]
     critic_lr: f64,
@@ -281,7 +285,7 @@ impl Train {
         config.steps = self.steps.unwrap_or(config.steps);
         config.evaluate_every = self.evaluate_every.filter(|every| *every > 0);
         let Hyperparameters { num_envs, last_actions, .. } = self.hyperparameters;
-        std::mem::take(&mut self.hyperparameters).apply(&mut config);
+        config = std::mem::take(&mut self.hyperparameters).apply(config);
         if let Some(count) = self.seeds {
             return Ok(Opened::Several(Seeds::begin(&out, &config, count as u64, &setup, runtime_dir)?));
         }

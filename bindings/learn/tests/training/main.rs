@@ -30,8 +30,7 @@ fn a_team_learns() {
         ("ippo-units", Algorithm::Ippo, units),
     ] {
         let config = Config { seed: 1, steps: 45_000, algorithm, ..Config::for_agents(3) };
-        let config = Config { network, hidden: network.default_hidden(), ..config };
-        let record = place.train(name, &config, 2);
+        let record = place.train(name, &config.with_network(network), 2);
         assert!(record.steps >= 45_000 && record.mean_return > 3.5, "{name}: {record:?}");
         let (result, _) = place.evaluate(name, 64);
         assert!(result.mean_return > 3.5, "{name}: {result:?}");

@@ -45,6 +45,9 @@ ACTIVATIONS: dict[str, Callable[[Tensor], Tensor]] = {"relu": torch.relu, "tanh"
 HIDDEN = {"flat": "64,64", "units": "32,64"}
 """The networks, and the default widths of their hidden layers."""
 
+ACTOR_LR = {"flat": 7e-4, "units": 1.4e-3}
+"""The default step sizes of the actor."""
+
 TEAM_ENTROPY = 0.3
 """The more agents explore at once, the less can each of them learn from the reward that they share. So the
 default weight of the entropy is divided by their number."""
@@ -83,14 +86,18 @@ class Options:
     horizon: int = option(64, "steps of each environment per update")
     epochs: int = option(4, "passes over the data of an update")
     minibatches: int = option(8, "gradient steps per epoch")
-    network: str = option("flat", "flat, or over units: the same for all enemies and all allies", [*HIDDEN])
+    network: str = option(
+        "by team",
+        "flat, or over units: the same for all enemies and all allies; by team: units for drawn teams",
+        [*HIDDEN, "by team"],
+    )
     hidden: str = option(
         "by network",
         "widths of the hidden layers, over units those of embeddings and trunk; by network: 64,64 for flat, "
         "32,64 for units",
     )
     activation: str = option("relu", "non-linearity of the hidden layers", [*ACTIVATIONS])
-    actor_lr: float = option(7e-4, "step size of the actor")
+    actor_lr: float = option(-1.0, "step size of the actor; -1: by network, 7e-4 for flat, 1.4e-3 for units")
     critic_lr: float = option(1e-3, "step size of the critic")
     lr_end: float = option(0.05, "share of the step sizes that is left at the end, falling linearly")
     adam_eps: float = option(1e-5, "added to the denominator of Adam")
@@ -242,8 +249,14 @@ class Learner:
         if options.algorithm == "by team":
             state = envs.n_agents >= STATE_CRITIC_AGENTS or sp.scenario(options.scenario)["teams_are_drawn"]
             options = replace(options, algorithm="mappo" if state else "ippo")
+        if options.network == "by team":
+            scenario = sp.scenario(envs)
+            is_units = scenario["teams_are_drawn"] and units_network.has_units(scenario)
+            options = replace(options, network="units" if is_units else "flat")
         if options.hidden == "by network":
             options = replace(options, hidden=HIDDEN[options.network])
+        if options.actor_lr < 0:
+            options = replace(options, actor_lr=ACTOR_LR[options.network])
         self.envs, self.options, self.device = envs, options, torch.device(options.device)
         self.sees_state = options.algorithm == "mappo"
         n_agents = envs.n_agents

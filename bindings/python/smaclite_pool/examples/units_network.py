@@ -142,6 +142,11 @@ def sums_and_maxima(seen: Seen) -> list[Tensor]:
     return [zeros.index_add(0, inputs, embeddings), maxima]
 
 
+def has_units(scenario: Scenario) -> bool:
+    """Whether observations have rows of units; without `obs_starcraft` of `smacv2` they have none."""
+    return any(part["name"] == "enemies" for part in scenario["obs_layout"])
+
+
 class Targets(nn.Module):
     """Which units the actions of agents target."""
 
@@ -155,7 +160,7 @@ class Targets(nn.Module):
     def __init__(self, scenario: Scenario) -> None:
         super().__init__()
         parts = {part["name"]: part for part in scenario["obs_layout"]}
-        if "enemies" not in parts:
+        if not has_units(scenario):
             accepted = "`flat` where observations have no units (`obs_starcraft` of `smacv2` is false)"
             raise sp.InvalidRequest(f"network must be {accepted}, got `units`")
         actions, n_agents = scenario["actions"], len(scenario["allies"])
