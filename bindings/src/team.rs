@@ -7,8 +7,8 @@ use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use smaclite_engine::{BattleSetup, EpisodeLimit, Opponents, Rules, TargetLayout, UnitLayout};
-use smaclite_learn::{TeamTensor, TrainedTeam, Weights};
-use std::path::PathBuf;
+use smaclite_learn::{RunDescription, TeamTensor, TrainedTeam, Weights, resolve_scenario};
+use std::path::{Path, PathBuf};
 
 /// What Python needs of a run besides its configuration.
 #[derive(serde::Serialize)]
@@ -31,20 +31,26 @@ struct Layouts<'a> {
 /// The run in a folder, or a team of the zoo as `zoo:3m`: a dict of `config`, `scenario`, `rules`,
 /// `episode_limit`, `opponent`, `obs_shape` (n_agents and obs_size), `units` (for a network over units, where
 /// observations and actions have which unit; else None), and `tensors`, float32 arrays by name. `weights` are
-/// "best" or "last"; None for those that the program takes.
+/// "best" or "last"; None for those that the program takes. `map` is the name or file of the scenario that it
+/// is to play instead of its own, for networks that fit every scenario.
 ///
 /// Raises:
 ///     InvalidRequest: there is no such team, or its files are damaged.
 #[pyfunction]
-#[pyo3(signature = (folder, weights=None))]
+#[pyo3(signature = (folder, weights=None, map=None))]
 pub fn read_team<'py>(
     py: Python<'py>,
     folder: PathBuf,
     weights: Option<&str>,
+    map: Option<&str>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let weights = weights.map(str::parse::<Weights>).transpose().map_err(invalid_request)?;
-    let read = run_on_thread(py, move |_| TrainedTeam::open_with(&folder, weights))?;
-    let team = read.map_err(|error| invalid_request(shown(&error)))?;
+    let map = map.map(str::to_owned);
+    let read = run_on_thread(py, move |_| match map {
+        None => TrainedTeam::open_with(&folder, weights).map_err(|error| shown(&error)),
+        Some(map) => open_on(&folder, weights, &map),
+    })?;
+    let team = read.map_err(invalid_request)?;
     let run = team.run();
     let BattleSetup { rules, episode_limit, opponents, .. } = &run.setup;
     let (rules, episode_limit) = (*rules, *episode_limit);
@@ -64,4 +70,11 @@ pub fn read_team<'py>(
     }
     described.set_item("tensors", tensors)?;
     Ok(described)
+}
+
+fn open_on(folder: &Path, weights: Option<Weights>, map: &str) -> Result<TrainedTeam, String> {
+    let run = RunDescription::read(folder).map_err(|error| shown(&error))?;
+    let setup = resolve_scenario(map, run.setup.rules).map_err(|error| shown(&error))?;
+    let setup = BattleSetup { opponents: run.setup.opponents, ..setup };
+    TrainedTeam::open_on(folder, weights, setup).map_err(|error| shown(&error))
 }

@@ -1,12 +1,15 @@
 //! `smaclite-pool evaluate`: play a trained team, count wins and returns, and record battles.
 
-use super::{CommandResult, THREADS, replay, runtime_dir};
+use super::{CommandResult, THREADS, completions, replay, runtime_dir};
+use crate::check::warn_of;
 use crate::number::{count, seed};
 use crate::opponent::OpponentOption;
 use crate::process::interrupt_flag;
 use clap::Args;
 use smaclite_engine::IllegalAction;
-use smaclite_learn::{Evaluation, EvaluationEvent, EvaluationResult, RunDescription, Weights, evaluate};
+use smaclite_learn::{
+    Evaluation, EvaluationEvent, EvaluationResult, RunDescription, Weights, evaluate, resolve_scenario,
+};
 use smaclite_pool::PoolOptions;
 use smaclite_view::Recorder;
 use std::error::Error;
@@ -17,6 +20,10 @@ use std::sync::atomic::Ordering;
 pub(super) struct Evaluate {
     /// Folder of a run of `smaclite-pool train`, or a team of the zoo as zoo:SCENARIO
     folder: PathBuf,
+    /// Play this map instead of that of the training, for a team of --network universal or --maps: a standard
+    /// scenario or a scenario file
+    #[arg(long, value_name = "MAP", add = completions::scenario())]
+    map: Option<String>,
     /// Number of episodes, 1 to 1000000: of each of up to 64 environments the first ones
     #[arg(long, default_value_t = 200, value_name = "N", value_parser = count(1..=1_000_000))]
     episodes: usize,
@@ -67,7 +74,17 @@ impl Evaluate {
             }
         };
         let weights = self.weights;
-        let evaluation = Evaluation { episodes, seed, weights, greedy, threads, opponents, opponent_team };
+        let map = match &self.map {
+            None => None,
+            Some(name) => {
+                let rules = RunDescription::read(&self.folder)?.setup.rules;
+                let map = resolve_scenario(name, rules)?;
+                warn_of(&map.files);
+                Some(map)
+            }
+        };
+        let evaluation =
+            Evaluation { episodes, seed, weights, greedy, threads, opponents, opponent_team, map };
         let mut recording = match &self.record {
             Some(file) => {
                 replay::check_suffix("--record", file)?;
@@ -106,7 +123,7 @@ struct Recording(Recorder);
 impl Recording {
     /// Of the run in a folder.
     fn new(folder: &Path, evaluation: &Evaluation) -> Result<Recording, Box<dyn Error>> {
-        let setup = evaluation.setup(&RunDescription::read(folder)?);
+        let setup = evaluation.setup(&evaluation.run(folder)?);
         Ok(Recording(Recorder::new(setup, evaluation.seed)?))
     }
 

@@ -6,6 +6,7 @@ use crate::mlp::{self, Mlp};
 use crate::units_network::{self, UnitsNetwork};
 use faer::MatRef;
 use rand_pcg::Pcg64Mcg;
+use crate::universal::{self, InputMaps, Specialisation};
 use smaclite_engine::{Sizes, TargetLayout, UnitLayout};
 use smaclite_scenarios::Scenario;
 use std::sync::Arc;
@@ -16,6 +17,8 @@ pub(crate) struct Inputs {
     pub sizes: Sizes,
     /// `None` if observations have no units.
     units: Option<Arc<Units>>,
+    /// How they become inputs of universal networks: of observations and of the state.
+    maps: Result<Arc<[InputMaps; 2]>, ConfigError>,
 }
 
 /// Where observations and the state have which unit, and what actions target.
@@ -27,14 +30,15 @@ struct Units {
 }
 
 impl Inputs {
-    /// Those of the agents of a scenario; `obs_size` includes the last actions.
-    pub fn new(scenario: &Scenario, sizes: Sizes) -> Inputs {
+    /// Those of the agents of a scenario with the figures of its rules; `obs_size` includes the last actions.
+    pub fn new(scenario: &Scenario, sizes: Sizes, last_actions: usize) -> Inputs {
+        let maps = InputMaps::new(scenario, last_actions).map(Arc::new);
         let obs = UnitLayout::of_obs(scenario, sizes.obs_size);
         let units = obs.zip(TargetLayout::new(scenario)).map(|(obs, targets)| {
             let state = UnitLayout::of_state(scenario, sizes.state_size);
             Arc::new(Units { obs, state, targets })
         });
-        Inputs { sizes, units }
+        Inputs { sizes, units, maps }
     }
 
     /// Checks that the network of a run can be built.
@@ -42,6 +46,9 @@ impl Inputs {
     /// # Errors
     /// If it is one over units, and observations have none.
     pub fn check(&self, config: &Config) -> Result<(), ConfigError> {
+        if config.network == NetworkKind::Universal {
+            self.maps.clone()?;
+        }
         let is_possible = config.network == NetworkKind::Flat || self.units.is_some();
         let accepted = "`flat` where observations have no units (`obs_starcraft` of `smacv2` is false)";
         ensure(is_possible, "network", accepted, &format!("`{}`", config.network.name()))
@@ -51,7 +58,9 @@ impl Inputs {
 /// Inputs of which nothing but the sizes is known.
 impl From<Sizes> for Inputs {
     fn from(sizes: Sizes) -> Inputs {
-        Inputs { sizes, units: None }
+        let accepted = "`flat`, since nothing but the sizes is known";
+        let maps = ensure(false, "network", accepted, &"`universal`").map(|()| unreachable!("it is false"));
+        Inputs { sizes, units: None, maps }
     }
 }
 
@@ -81,7 +90,7 @@ impl Workspace {
 impl Architecture {
     /// The actor of a run: from an agent's observation to a number per action.
     pub fn actor(config: &Config, inputs: &Inputs) -> Architecture {
-        let Inputs { sizes, units } = inputs;
+        let Inputs { sizes, units, .. } = inputs;
         let flat =
             || Mlp::new(sizes.obs_size, &config.hidden, sizes.n_actions, sizes.n_agents, config.activation);
         Architecture::new(config, flat, units.as_deref(), |Units { obs, targets, .. }| {
@@ -91,7 +100,7 @@ impl Architecture {
 
     /// The critic: from the state, or an agent's observation, to a value.
     pub fn critic(config: &Config, inputs: &Inputs) -> Architecture {
-        let Inputs { sizes, units } = inputs;
+        let Inputs { sizes, units, .. } = inputs;
         let flat = |n_in, n_ids| Mlp::new(n_in, &config.hidden, 1, n_ids, config.activation);
         let units = units.as_deref();
         match config.algorithm {
@@ -117,16 +126,48 @@ impl Architecture {
         parts: impl FnOnce(&'a Units) -> (usize, &'a UnitLayout, Option<&'a TargetLayout>),
     ) -> Architecture {
         match (config.network, units, &config.hidden[..]) {
-            (NetworkKind::Units, Some(units), &[width, trunk_width]) => {
+            (NetworkKind::Units | NetworkKind::Universal, Some(units), &[width, trunk_width]) => {
                 let (n_in, layout, targets) = parts(units);
                 let (layout, targets) = (layout.clone(), targets.cloned());
                 let widths = [width, trunk_width];
                 let network = UnitsNetwork::new(n_in, layout, targets, widths, config.activation);
                 Architecture::Units(Box::new(network))
             }
-            (NetworkKind::Units, ..) => unreachable!("Config::check and Inputs::check refuse this"),
             (NetworkKind::Flat, ..) => Architecture::Flat(flat()),
+            _ => unreachable!("Config::check and Inputs::check refuse this"),
         }
+    }
+
+    /// Actor and critic as they are trained and stored: universal ones are those of no scenario.
+    pub fn stored(config: &Config, inputs: &Inputs) -> [Architecture; 2] {
+        match (config.network, &config.hidden[..]) {
+            (NetworkKind::Universal, &[width, trunk_width]) => {
+                let (widths, sees_state) = ([width, trunk_width], config.algorithm == Algorithm::Mappo);
+                let actor = universal::actor(config.last_actions, widths, config.activation);
+                let critic = universal::critic(sees_state, config.last_actions, widths, config.activation);
+                [actor, critic].map(|network| Architecture::Units(Box::new(network)))
+            }
+            _ => [Architecture::actor(config, inputs), Architecture::critic(config, inputs)],
+        }
+    }
+
+    /// How stored actors and critics become those on this scenario; `None` if they are the same.
+    pub fn specialisations(config: &Config, inputs: &Inputs) -> Option<[Specialisation; 2]> {
+        if config.network != NetworkKind::Universal {
+            return None;
+        }
+        let [of_obs, of_state] = &**inputs.maps.as_ref().expect("Inputs::check refuses this");
+        let of_critic = if config.algorithm == Algorithm::Mappo { of_state } else { of_obs };
+        let on_scenario = [Architecture::actor(config, inputs), Architecture::critic(config, inputs)];
+        let [actor, critic] = &Architecture::stored(config, inputs);
+        let [on_actor, on_critic] = &on_scenario;
+        let specialisation = |stored: &Architecture, special: &Architecture, maps| match (stored, special) {
+            (Architecture::Units(stored), Architecture::Units(special)) => {
+                Specialisation::new(stored, special, maps)
+            }
+            _ => unreachable!("universal networks are over units"),
+        };
+        Some([specialisation(actor, on_actor, of_obs), specialisation(critic, on_critic, of_critic)])
     }
 
     /// The layouts of an actor over units.
@@ -217,7 +258,7 @@ mod tests {
         let options = serde_json::json!({"obs_starcraft": false, "obs_timestep_number": true});
         for (options, is_possible) in [(serde_json::json!({}), true), (options, false)] {
             scenario.smacv2 = Some(serde_json::from_value::<Smacv2>(options).unwrap());
-            let inputs = Inputs::new(&scenario, Arena::new(&scenario, Rules::Smaclite).sizes());
+            let inputs = Inputs::new(&scenario, Arena::new(&scenario, Rules::Smaclite).sizes(), 0);
             let network = NetworkKind::Units;
             let config = Config::for_agents(5).with_network(network);
             assert_eq!(inputs.check(&Config::for_agents(5)), Ok(()));
@@ -238,8 +279,8 @@ mod tests {
         for name in Scenario::standard_names().chain(Scenario::generated_names()) {
             let scenario = Scenario::standard(name).unwrap();
             let sizes = Arena::new(&scenario, Rules::Smaclite).sizes();
-            let inputs = Inputs::new(&scenario, sizes);
-            for (network, algorithm) in NetworkKind::BOTH
+            let inputs = Inputs::new(&scenario, sizes, 0);
+            for (network, algorithm) in NetworkKind::ALL
                 .into_iter()
                 .flat_map(|network| [(network, Algorithm::Mappo), (network, Algorithm::Ippo)])
             {

@@ -35,8 +35,8 @@ pub(crate) struct Checkpoint {
     pub progress: Progress,
     /// The newest episodes that ended, the oldest first.
     pub recent: Vec<Ended>,
-    /// `None` before the first update, and if a lane does not serve snapshots.
-    pub envs: Option<SavedEnvs>,
+    /// Of each map. `None` before the first update, and if a lane does not serve snapshots.
+    pub envs: Option<Vec<SavedEnvs>>,
     /// Who plays the enemies. The policies of rivals are in files of their own.
     pub league: League,
 }
@@ -68,9 +68,9 @@ impl Checkpoint {
             Array::flat("normaliser", &[mean, square, weight]),
             Array::flat("recent_episodes", &recent),
         ];
-        if let Some(SavedEnvs { snapshots, over }) = envs {
-            arrays.push(Array::flat("snapshots", snapshots));
-            arrays.push(Array::flat("over", over));
+        for (map, SavedEnvs { snapshots, over }) in envs.iter().flatten().enumerate() {
+            arrays.push(Array::flat(of_map("snapshots", map), snapshots));
+            arrays.push(Array::flat(of_map("over", map), over));
         }
         if league.is_played() {
             arrays.push(Array::flat("recent_against", &against));
@@ -108,12 +108,17 @@ impl Checkpoint {
             cpu_seconds: times[1],
         };
         let recent = read_recent(&arrays)?;
-        let envs = if arrays.has("snapshots") {
-            let over = arrays.shaped("over", &[config.num_envs])?;
-            Some(SavedEnvs { snapshots: arrays.values("snapshots")?, over })
-        } else {
-            None
-        };
+        let mut envs = Vec::new();
+        while arrays.has(&of_map("snapshots", envs.len())) {
+            let snapshots = arrays.values(&of_map("snapshots", envs.len()))?;
+            envs.push(SavedEnvs { snapshots, over: arrays.values(&of_map("over", envs.len()))? });
+        }
+        let counted: usize = envs.iter().map(|envs| envs.over.len()).sum();
+        if !envs.is_empty() && counted != config.num_envs {
+            let expected = config.num_envs;
+            return Err(arrays.damaged(format!("`over` has {counted} elements instead of {expected}")));
+        }
+        let envs = (!envs.is_empty()).then_some(envs);
         let league = if config.enemies.are_scripts() {
             League::default()
         } else {
@@ -121,6 +126,11 @@ impl Checkpoint {
         };
         Ok(Checkpoint { team, progress, recent, envs, league })
     }
+}
+
+/// The name of an array of a map; that of the first is the name alone.
+fn of_map(name: &str, map: usize) -> String {
+    if map == 0 { name.to_owned() } else { format!("{name}.{map}") }
 }
 
 /// Stands for the team itself among the numbers of rivals.

@@ -39,24 +39,27 @@ pub enum NetworkKind {
     Flat,
     /// Over units: all enemies share weights, and so do all allies, and their order does not matter.
     Units,
+    /// Over units, which are told by the figures of their types: its weights fit every scenario.
+    Universal,
 }
 
 impl NetworkKind {
-    /// Both, in the order of messages.
-    pub const BOTH: [NetworkKind; 2] = [NetworkKind::Flat, NetworkKind::Units];
+    /// All, in the order of messages.
+    pub const ALL: [NetworkKind; 3] = [NetworkKind::Flat, NetworkKind::Units, NetworkKind::Universal];
 
     /// The keyword in files and options.
     pub fn name(self) -> &'static str {
         match self {
             NetworkKind::Flat => "flat",
             NetworkKind::Units => "units",
+            NetworkKind::Universal => "universal",
         }
     }
 
     fn default_hidden(self) -> Vec<usize> {
         match self {
             NetworkKind::Flat => vec![64, 64],
-            NetworkKind::Units => vec![32, 64],
+            NetworkKind::Units | NetworkKind::Universal => vec![32, 64],
         }
     }
 
@@ -64,7 +67,7 @@ impl NetworkKind {
     fn default_actor_lr(self) -> f64 {
         match self {
             NetworkKind::Flat => 7e-4,
-            NetworkKind::Units => 1.4e-3,
+            NetworkKind::Units | NetworkKind::Universal => 1.4e-3,
         }
     }
 
@@ -84,10 +87,10 @@ impl NetworkKind {
 impl<'de> Deserialize<'de> for NetworkKind {
     fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<NetworkKind, D::Error> {
         let value = serde_json::Value::deserialize(deserializer)?;
-        let found = NetworkKind::BOTH.into_iter().find(|kind| value.as_str() == Some(kind.name()));
+        let found = NetworkKind::ALL.into_iter().find(|kind| value.as_str() == Some(kind.name()));
         found.ok_or_else(|| {
             let given = shortened(&value.to_string());
-            serde::de::Error::custom(format!("`network` must be \"flat\" or \"units\", got {given}"))
+            serde::de::Error::custom(format!("`network` must be \"flat\", \"units\" or \"universal\", got {given}"))
         })
     }
 }
@@ -96,13 +99,13 @@ impl<'de> Deserialize<'de> for NetworkKind {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("expected `{}`, got `{given}`", expected.join("` or `"))]
 pub struct UnknownKeyword {
-    expected: [&'static str; 2],
+    expected: Vec<&'static str>,
     given: String,
 }
 
 impl UnknownKeyword {
-    pub(crate) fn new(expected: [&'static str; 2], given: &str) -> UnknownKeyword {
-        UnknownKeyword { expected, given: given.to_owned() }
+    pub(crate) fn new(expected: impl Into<Vec<&'static str>>, given: &str) -> UnknownKeyword {
+        UnknownKeyword { expected: expected.into(), given: given.to_owned() }
     }
 }
 
@@ -122,8 +125,8 @@ impl std::str::FromStr for NetworkKind {
     type Err = UnknownKeyword;
 
     fn from_str(keyword: &str) -> Result<NetworkKind, UnknownKeyword> {
-        let found = NetworkKind::BOTH.into_iter().find(|kind| kind.name() == keyword);
-        found.ok_or_else(|| UnknownKeyword::new(NetworkKind::BOTH.map(NetworkKind::name), keyword))
+        let found = NetworkKind::ALL.into_iter().find(|kind| kind.name() == keyword);
+        found.ok_or_else(|| UnknownKeyword::new(NetworkKind::ALL.map(NetworkKind::name), keyword))
     }
 }
 
@@ -282,6 +285,19 @@ impl Config {
         self.enemies.check()
     }
 
+    /// Checks that a run can have so many maps.
+    ///
+    /// # Errors
+    /// If there is none, or if there are several, and the networks or the evaluations are those of one.
+    pub(crate) fn check_maps(&self, count: usize) -> Result<(), ConfigError> {
+        ensure((1..=self.num_envs).contains(&count), "maps", "between 1 and num_envs", &count)?;
+        let is_universal = count == 1 || self.network == NetworkKind::Universal;
+        ensure(is_universal, "network", "`universal` with several maps", &format!("`{}`", self.network.name()))?;
+        let every = self.evaluate_every.filter(|_| count > 1);
+        let accepted = "0 with several maps; evaluate the team on each when the run is complete";
+        ensure(every.is_none(), "evaluate_every", accepted, &every.unwrap_or_default())
+    }
+
     fn check_sizes(&self) -> Result<(), ConfigError> {
         let count = |name, value: usize, accepted, max: usize| {
             ensure((1..=max).contains(&value), name, accepted, &value)
@@ -299,8 +315,10 @@ impl Config {
         count("minibatches", self.minibatches, "between 1 and 1000", 1000)?;
         let (layers, accepted) = match self.network {
             NetworkKind::Flat => (1..=8, "1 to 8 widths between 2 and 4096"),
-            NetworkKind::Units => (2..=2, "2 widths between 2 and 4096 for networks over units"),
+            NetworkKind::Units | NetworkKind::Universal => (2..=2, "2 widths between 2 and 4096 for networks over units"),
         };
+        let scripts = self.network != NetworkKind::Universal || self.enemies.are_scripts();
+        ensure(scripts, "network", "`flat` or `units` where a team plays the enemies", &"`universal`")?;
         let widths = self.hidden.iter().all(|width| (2..=4096).contains(width));
         let given = format!("{:?}", self.hidden);
         ensure(layers.contains(&self.hidden.len()) && widths, "hidden", accepted, &given)

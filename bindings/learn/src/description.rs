@@ -2,10 +2,10 @@
 
 use crate::architecture::{Architecture, Inputs};
 use crate::checkpoint::read_actor;
-use crate::config::{Config, Enemies, UnknownKeyword};
+use crate::config::{Config, ConfigError, Enemies, NetworkKind, UnknownKeyword};
 use crate::lane_error::LaneError;
 use crate::lanes::{Lanes, sizes_with_history};
-use crate::team::Network;
+use crate::team::{Network, OnScenario};
 use crate::tensors::{FileError, exists, read, write};
 use crate::zoo;
 use serde::{Deserialize, Serialize};
@@ -30,6 +30,9 @@ struct RunFile {
     config: Config,
     #[serde(flatten)]
     setup: BattleSetup,
+    /// The maps of the run but the first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    other_maps: Vec<BattleSetup>,
 }
 
 /// What `run.json` says.
@@ -45,6 +48,8 @@ pub struct RunDescription {
     pub sizes: Sizes,
     /// What its networks are built for.
     pub(crate) inputs: Inputs,
+    /// What the team was trained on besides.
+    pub other_maps: Vec<BattleSetup>,
 }
 
 impl RunDescription {
@@ -66,7 +71,8 @@ impl RunDescription {
         }
         let file: RunFile = serde_json::from_slice(&read(&path)?).map_err(|error| damaged(&error))?;
         file.config.check().map_err(|error| damaged(&error))?;
-        let run = RunDescription::new(file.config, file.setup).map_err(|error| damaged(&error))?;
+        let mut run = RunDescription::new(file.config, file.setup).map_err(|error| damaged(&error))?;
+        run.other_maps = file.other_maps;
         run.inputs.check(&run.config).map_err(|error| damaged(&error))?;
         Ok(run)
     }
@@ -74,19 +80,58 @@ impl RunDescription {
     pub(crate) fn new(config: Config, setup: BattleSetup) -> Result<RunDescription, Problems> {
         let (scenario, arena) = setup.arena()?;
         let sizes = sizes_with_history(arena.sizes(), config.last_actions);
-        let inputs = Inputs::new(&scenario, sizes);
-        Ok(RunDescription { config, name: scenario.name, sizes, inputs, setup })
+        let inputs = Inputs::new(&setup.rules.figures(&scenario), sizes, config.last_actions);
+        Ok(RunDescription { config, name: scenario.name, sizes, inputs, setup, other_maps: Vec::new() })
     }
 
-    /// The network of the team's policy.
+    /// The network of the team's policy, as files have it.
     pub(crate) fn actor(&self) -> Architecture {
-        Architecture::actor(&self.config, &self.inputs)
+        let [actor, _] = Architecture::stored(&self.config, &self.inputs);
+        actor
     }
 
-    /// What the lanes of the run play.
+    /// The network that plays the scenario, from that of the files.
+    pub(crate) fn playing(&self, stored: Network) -> Network {
+        match OnScenario::new(&self.config, &self.inputs) {
+            None => stored,
+            Some(on_scenario) => on_scenario.into_actor(&stored),
+        }
+    }
+
+    /// The same run on another map, for a team whose networks fit every scenario.
+    ///
+    /// # Errors
+    /// If they fit its own alone, or the scenario has other features than the standard maps.
+    pub fn on(&self, setup: BattleSetup) -> Result<RunDescription, OtherMap> {
+        if self.config.network != NetworkKind::Universal {
+            return Err(OtherMap::NotUniversal(self.name.clone()));
+        }
+        let other = RunDescription::new(self.config.clone(), setup)?;
+        other.inputs.check(&self.config)?;
+        Ok(other)
+    }
+
+    /// What the lanes of the run play, on its first map.
     pub fn lanes_setup(&self) -> BattleSetup {
         self.config.enemies.setup(&self.setup)
     }
+}
+
+/// Why a team does not play another map.
+#[derive(Debug, thiserror::Error)]
+pub enum OtherMap {
+    /// Its networks are those of one scenario.
+    #[error(
+        "the team was trained in `{0}` and plays that alone; a team that plays other maps is one of \
+         `train --network universal`"
+    )]
+    NotUniversal(String),
+    /// Its networks do not know the observations.
+    #[error(transparent)]
+    Observations(#[from] ConfigError),
+    /// The scenario is not valid.
+    #[error(transparent)]
+    Scenario(#[from] Problems),
 }
 
 /// Which weights of a run play.
@@ -152,10 +197,22 @@ pub(crate) fn read_team(
     folder: &Path,
     weights: Option<Weights>,
 ) -> Result<(RunDescription, Weights, Network), FileError> {
-    let run = RunDescription::read(folder)?;
+    read_team_of(folder, RunDescription::read(folder)?, weights)
+}
+
+/// The same of the run in the folder, on the map of this description.
+///
+/// # Errors
+/// As [`read_team`].
+pub(crate) fn read_team_of(
+    folder: &Path,
+    run: RunDescription,
+    weights: Option<Weights>,
+) -> Result<(RunDescription, Weights, Network), FileError> {
     let weights = weights.unwrap_or_else(|| Weights::of(folder, &run));
     weights.check_kept(folder)?;
-    let actor = read_actor(&folder.join(weights.file_name()), run.actor())?;
+    let stored = read_actor(&folder.join(weights.file_name()), run.actor())?;
+    let actor = run.playing(stored);
     Ok((run, weights, actor))
 }
 
@@ -183,9 +240,11 @@ pub(crate) fn write_description(
     folder: &Path,
     config: &Config,
     setup: &BattleSetup,
+    other_maps: &[BattleSetup],
 ) -> Result<(), FileError> {
     let version = env!("CARGO_PKG_VERSION").to_owned();
-    let file = RunFile { version, config: config.clone(), setup: setup.clone() };
+    let (setup, other_maps) = (setup.clone(), other_maps.to_vec());
+    let file = RunFile { version, config: config.clone(), setup, other_maps };
     let path = folder.join("run.json");
     let text = serde_json::to_vec_pretty(&file)
         .map_err(|error| FileError::Write { path: path.clone(), source: error.into() })?;

@@ -4,7 +4,7 @@
 use crate::actor::Draw;
 use crate::collect::ended_episodes;
 use crate::config::Enemies;
-use crate::description::{RunDescription, Weights, read_rival, read_team};
+use crate::description::{OtherMap, RunDescription, Weights, read_rival, read_team_of};
 use crate::enemy_actor::{BothActors, Teams};
 use crate::lane_error::LaneError;
 use crate::lanes::{LaneBatch, Lanes};
@@ -38,9 +38,24 @@ pub struct Evaluation {
     pub opponents: Option<Opponents>,
     /// The folder of a trained team that plays the enemies instead.
     pub opponent_team: Option<PathBuf>,
+    /// What is played instead of what the team was trained on.
+    pub map: Option<BattleSetup>,
 }
 
 impl Evaluation {
+    /// The run in a folder, on the map that is played.
+    ///
+    /// # Errors
+    /// If there is none, or its team does not play that map.
+    pub fn run(&self, folder: &Path) -> Result<RunDescription, EvaluateError> {
+        let run = RunDescription::read(folder)?;
+        match &self.map {
+            None => Ok(run),
+            // Who plays the enemies is said by the evaluation, or else by the training.
+            Some(map) => Ok(run.on(BattleSetup { opponents: run.setup.opponents.clone(), ..map.clone() })?),
+        }
+    }
+
     /// What the team of a run plays.
     pub fn setup(&self, run: &RunDescription) -> BattleSetup {
         if let Some(folder) = &self.opponent_team {
@@ -114,6 +129,7 @@ pub struct EvaluationResult {
 #[allow(missing_docs)] // the inner errors say it
 pub enum EvaluateError {
     File(#[from] FileError),
+    Map(#[from] OtherMap),
     Lane(#[from] LaneError),
     Client(#[from] ClientError),
 }
@@ -131,7 +147,7 @@ pub fn evaluate(
     on_event: &mut dyn FnMut(EvaluationEvent),
 ) -> Result<EvaluationResult, EvaluateError> {
     let Evaluation { episodes, seed, greedy, threads, .. } = evaluation;
-    let (run, weights, network) = read_team(folder, evaluation.weights)?;
+    let (run, weights, network) = read_team_of(folder, evaluation.run(folder)?, evaluation.weights)?;
     let (num_envs, setup) = (episodes.clamp(1, MAX_ENVS), evaluation.setup(&run));
     let mut lanes = Lanes::start(&setup, num_envs, run.config.last_actions, threads, runtime_dir)?;
     let league = match &evaluation.opponent_team {

@@ -104,7 +104,8 @@ impl Gradients {
         Ok(())
     }
 
-    fn reset(&mut self, team: &Team) {
+    /// Of no row yet.
+    pub fn reset(&mut self, team: &Team) {
         for (sum, network) in [(&mut self.actor, &team.actor), (&mut self.critic, &team.critic)] {
             sum.clear();
             sum.resize(network.params.len(), 0.0);

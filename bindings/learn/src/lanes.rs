@@ -175,7 +175,8 @@ impl Lanes {
             lanes.push(Lane { client, first_env, settings, batch: None, over, is_restored: false });
             first_env += settings.num_envs;
         }
-        let inputs = Inputs::new(&scenario, sizes);
+        let last_actions = lanes.first().map_or(0, |lane: &Lane| lane.settings.obs_last_actions);
+        let inputs = Inputs::new(&setup.rules.figures(&scenario), sizes, last_actions);
         Ok(Lanes { lanes, inputs, _pool: None })
     }
 

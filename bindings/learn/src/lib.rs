@@ -67,6 +67,7 @@ mod tournament;
 mod trained_team;
 mod training;
 mod units_network;
+mod universal;
 mod view;
 mod zoo;
 mod zoo_cards;
@@ -81,7 +82,7 @@ pub use dataset::{
     Episode as RecordedEpisode, PerRow, Policy, PolicyCard, Quality, Recording, SUFFIX as DATASET_SUFFIX,
     Source, UnknownArray, UnknownQuality, Values,
 };
-pub use description::{RunDescription, Weights};
+pub use description::{OtherMap, RunDescription, Weights};
 pub use evaluate::{
     EvaluateError, EvaluatedEpisode, Evaluation, EvaluationEvent, EvaluationResult, evaluate,
 };

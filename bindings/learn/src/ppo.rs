@@ -5,11 +5,11 @@ use crate::config::{Algorithm, Config};
 use crate::gae::{Steps, advantages};
 use crate::gradient::{Data, Gradients, Minibatch, ThreadMemory, values};
 use crate::loss::{PolicyLoss, PolicyStats, ValueLoss};
-use crate::math::mean_and_deviation;
+use crate::math::{add, mean_and_deviation};
 use crate::parallel::Interrupted;
 use crate::random::{Purpose, generator};
 use crate::rollout::{Rollout, rows};
-use crate::team::{Network, Team};
+use crate::team::{Network, OnScenario, Team};
 use rand::seq::SliceRandom;
 use serde::Serialize;
 
@@ -68,103 +68,119 @@ pub struct UpdateStats {
 #[derive(Debug)]
 pub(crate) struct Ppo {
     threads: Vec<ThreadMemory>,
+    /// Of one map.
     gradients: Gradients,
+    /// Of all maps.
+    sums: Gradients,
 }
 
-/// Advantages, old values and targets by row of the critic, and the explained variance.
-struct Estimates {
+/// What was played on a map, and what the team is there.
+pub(crate) struct Played<'a> {
+    pub rollout: &'a Rollout,
+    /// `None` if the networks are those of this scenario.
+    pub on_scenario: Option<&'a mut OnScenario>,
+    /// Of the order of its samples.
+    pub seed: u64,
+}
+
+impl Played<'_> {
+    fn team<'t>(&'t mut self, team: &'t Team) -> &'t Team {
+        match &mut self.on_scenario {
+            None => team,
+            Some(on_scenario) => on_scenario.team(team),
+        }
+    }
+}
+
+/// The rows of a map.
+struct Part<'a> {
+    played: Played<'a>,
+    critic_inputs: &'a [f32],
+    critic_size: usize,
+    values_per_env: usize,
+    samples: Vec<u32>,
+    policy_rows: Vec<u32>,
+    value_rows: Vec<u32>,
+    /// By row of the critic.
+    returns: Vec<f32>,
     advantages: Vec<f32>,
     old_values: Vec<f32>,
-    targets: Vec<f32>,
-    explained_variance: f64,
 }
 
 impl Ppo {
     pub fn new(threads: usize) -> Ppo {
         let threads = (0..threads.max(1)).map(|_| ThreadMemory::default()).collect();
-        Ppo { threads, gradients: Gradients::default() }
+        Ppo { threads, gradients: Gradients::default(), sums: Gradients::default() }
     }
 
-    /// Trains the team on the rollout. `update` counts the updates of the run, and `steps` is the number of
-    /// environment steps before this rollout.
+    /// Trains the team on what was played on its maps. `update` counts the updates of the run, and `steps` is
+    /// the number of environment steps before.
     pub fn update(
         &mut self,
         team: &mut Team,
-        rollout: &Rollout,
+        played: Vec<Played<'_>>,
         config: &Config,
         update: u64,
         steps: u64,
         interrupted: &mut dyn FnMut() -> bool,
     ) -> Result<UpdateStats, UpdateError> {
-        let (critic_inputs, critic_size, values_per_env) = match config.algorithm {
-            Algorithm::Mappo => (&rollout.state, rollout.sizes.state_size, 1),
-            Algorithm::Ippo => (&rollout.obs, rollout.sizes.obs_size, rollout.sizes.n_agents),
-        };
-        let mut samples = rollout.samples();
-        let policy_rows = rollout.policy_rows(&samples);
-        let value_rows: Vec<u32> = rows(&samples, values_per_env).collect();
         let threads = &mut self.threads;
-        let outputs = values(&team.critic, critic_inputs, critic_size, values_per_env, threads, interrupted)?;
-        let estimates = estimate(team, rollout, config, outputs, &value_rows);
-        let agents_per_value = rollout.sizes.n_agents / values_per_env;
+        let parts = played.into_iter().map(|played| Part::new(played, team, config, threads, interrupted));
+        let mut parts = parts.collect::<Result<Vec<Part<'_>>, Interrupted>>()?;
+        let explained_variance = estimate(team, &mut parts, config);
         let (_, deviation) = team.normaliser.mean_and_deviation();
         let floor = config.advantage_floor * deviation;
-        let data = Data {
-            rollout,
-            critic_inputs,
-            critic_size,
-            values_per_env,
-            advantages: &normalise(estimates.advantages, &policy_rows, agents_per_value, floor),
-            old_values: &estimates.old_values,
-            targets: &estimates.targets,
-        };
+        for part in &mut parts {
+            let agents_per_value = part.played.rollout.sizes.n_agents / part.values_per_env;
+            normalise(&mut part.advantages, &part.policy_rows, agents_per_value, floor);
+        }
+        let (learnt, all) = parts.iter().fold((0, 0), |(learnt, all), part| {
+            (learnt + part.policy_rows.len(), all + part.played.rollout.actions.len())
+        });
         let settings = StepSettings::new(config, update, steps);
         let mut progress = Progress { sums: Sums::default(), interrupted };
         for epoch in 0..config.epochs as u64 {
-            self.epoch(team, &data, &mut samples, &settings, epoch, &mut progress)?;
+            self.epoch(team, &mut parts, &settings, epoch, &mut progress)?;
         }
-        Ok(UpdateStats {
-            policy_rows: policy_rows.len() as f64 / rollout.actions.len() as f64,
-            explained_variance: estimates.explained_variance,
-            ..progress.sums.stats(&settings)
-        })
+        let policy_rows = learnt as f64 / all as f64;
+        Ok(UpdateStats { policy_rows, explained_variance, ..progress.sums.stats(&settings) })
     }
 
-    /// One pass over the samples, in minibatches of another order.
+    /// One pass over the samples, in minibatches of another order. Each has the same share of every map.
     fn epoch(
         &mut self,
         team: &mut Team,
-        data: &Data<'_>,
-        samples: &mut [u32],
+        parts: &mut [Part<'_>],
         settings: &StepSettings<'_>,
         epoch: u64,
         progress: &mut Progress<'_>,
     ) -> Result<(), UpdateError> {
-        let StepSettings { config, update, .. } = *settings;
-        // Samples are shuffled and not rows, because the rows of a sample lie side by side in memory.
-        samples.shuffle(&mut generator(config.seed, Purpose::Minibatches, [update, epoch]));
-        let policy_rows = data.rollout.policy_rows(samples);
-        let value_rows: Vec<u32> = rows(samples, data.values_per_env).collect();
-        for i in 0..config.minibatches {
-            let part = |rows| part(rows, i, config.minibatches);
-            let minibatch = settings.minibatch(part(&policy_rows), part(&value_rows));
-            self.step(team, data, &minibatch, settings, progress)?;
+        parts.iter_mut().for_each(|part| part.shuffle(settings.update, epoch));
+        for i in 0..settings.config.minibatches {
+            self.step(team, parts, i, settings, progress)?;
         }
         Ok(())
     }
 
-    /// One gradient step of both networks.
+    /// One gradient step of both networks, with minibatch `i`.
     fn step(
         &mut self,
         team: &mut Team,
-        data: &Data<'_>,
-        minibatch: &Minibatch<'_>,
+        parts: &mut [Part<'_>],
+        i: usize,
         settings: &StepSettings<'_>,
         progress: &mut Progress<'_>,
     ) -> Result<(), UpdateError> {
         let Progress { sums, interrupted } = progress;
-        self.gradients.compute(team, data, minibatch, &mut self.threads, interrupted)?;
-        let Gradients { actor, critic, policy_stats, value_loss, .. } = &mut self.gradients;
+        let Ppo { threads, gradients, sums: of_all } = self;
+        let minibatch = settings.minibatch(parts, i);
+        let (policy_rows, value_rows) = (minibatch.policy_rows, minibatch.value_rows);
+        of_all.reset(team);
+        for part in parts {
+            part.differentiate(team, &minibatch, i, settings, [gradients, of_all], threads, interrupted)?;
+            sums.policy.add(&gradients.policy_stats);
+            sums.value_loss += gradients.value_loss;
+        }
         let step = |network: &mut Network, gradient: &mut [f32], lr: f64, name| {
             let norm = clip(gradient, settings.config.max_grad_norm);
             if !norm.is_finite() {
@@ -173,17 +189,113 @@ impl Ppo {
             network.adam.step(&mut network.params, gradient, lr, settings.config.adam_eps);
             Ok(norm)
         };
-        if !minibatch.policy_rows.is_empty() {
-            sums.actor_norms += step(&mut team.actor, actor, settings.actor_lr, "actor")?;
+        if policy_rows > 0 {
+            sums.actor_norms += step(&mut team.actor, &mut of_all.actor, settings.actor_lr, "actor")?;
             sums.actor_steps += 1.0;
         }
-        if !minibatch.value_rows.is_empty() {
-            sums.critic_norms += step(&mut team.critic, critic, settings.critic_lr, "critic")?;
+        if value_rows > 0 {
+            sums.critic_norms += step(&mut team.critic, &mut of_all.critic, settings.critic_lr, "critic")?;
             sums.critic_steps += 1.0;
         }
-        sums.policy.add(policy_stats);
-        sums.value_loss += *value_loss;
-        sums.value_rows += minibatch.value_rows.len() as f64;
+        sums.value_rows += value_rows as f64;
+        Ok(())
+    }
+}
+
+impl<'a> Part<'a> {
+    fn new(
+        mut played: Played<'a>,
+        team: &Team,
+        config: &Config,
+        threads: &mut [ThreadMemory],
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> Result<Part<'a>, Interrupted> {
+        let rollout = played.rollout;
+        let (critic_inputs, critic_size, values_per_env) = match config.algorithm {
+            Algorithm::Mappo => (&rollout.state, rollout.sizes.state_size, 1),
+            Algorithm::Ippo => (&rollout.obs, rollout.sizes.obs_size, rollout.sizes.n_agents),
+        };
+        let samples = rollout.samples();
+        let policy_rows = rollout.policy_rows(&samples);
+        let value_rows: Vec<u32> = rows(&samples, values_per_env).collect();
+        let critic = &played.team(team).critic;
+        let old_values = values(critic, critic_inputs, critic_size, values_per_env, threads, interrupted)?;
+        let (returns, advantages) = (Vec::new(), Vec::new());
+        Ok(Part {
+            played,
+            critic_inputs,
+            critic_size,
+            values_per_env,
+            samples,
+            policy_rows,
+            value_rows,
+            returns,
+            advantages,
+            old_values,
+        })
+    }
+
+    /// Samples are shuffled and not rows, because the rows of a sample lie side by side in memory.
+    fn shuffle(&mut self, update: u64, epoch: u64) {
+        self.samples.shuffle(&mut generator(self.played.seed, Purpose::Minibatches, [update, epoch]));
+        self.policy_rows = self.played.rollout.policy_rows(&self.samples);
+        self.value_rows = rows(&self.samples, self.values_per_env).collect();
+    }
+
+    /// Estimates advantages and returns from the critic's values.
+    fn estimate(&mut self, mean: f64, deviation: f64, config: &Config) {
+        let Rollout { rewards, terminated, truncated, num_seats, horizon, .. } = self.played.rollout;
+        let values = &mut self.old_values;
+        values.iter_mut().for_each(|value| *value = (f64::from(*value) * deviation + mean) as f32);
+        let steps = Steps { rewards, terminated, truncated, num_envs: *num_seats };
+        let mut estimated = vec![0.0; values.len() / (horizon + 1) * horizon];
+        advantages(&steps, values, config.gamma, config.lambda, &mut estimated);
+        self.returns = estimated.iter().zip(&*values).map(|(advantage, value)| advantage + value).collect();
+        self.advantages = estimated;
+    }
+
+    /// The values of the learnt rows.
+    fn learnt<'v>(&'v self, values: &'v [f32]) -> impl Iterator<Item = f32> + Clone + 'v {
+        self.value_rows.iter().map(|row| values[*row as usize])
+    }
+
+    /// The gradients of this map's part of minibatch `i`, and adds them to those of all maps.
+    #[expect(clippy::too_many_arguments, reason = "a step of the loop over maps")]
+    fn differentiate(
+        &mut self,
+        team: &Team,
+        minibatch: &MinibatchOfMaps,
+        i: usize,
+        settings: &StepSettings<'_>,
+        [gradients, of_all]: [&mut Gradients; 2],
+        threads: &mut [ThreadMemory],
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> Result<(), Interrupted> {
+        let Part { played, critic_inputs, critic_size, values_per_env, .. } = self;
+        let rollout = played.rollout;
+        let data = Data {
+            rollout,
+            critic_inputs,
+            critic_size: *critic_size,
+            values_per_env: *values_per_env,
+            advantages: &self.advantages,
+            old_values: &self.old_values,
+            targets: &self.returns,
+        };
+        let n = settings.config.minibatches;
+        let minibatch = Minibatch {
+            policy_rows: part(&self.policy_rows, i, n),
+            value_rows: part(&self.value_rows, i, n),
+            policy: minibatch.policy,
+            value: minibatch.value,
+        };
+        gradients.compute(played.team(team), &data, &minibatch, threads, interrupted)?;
+        let to = [&mut of_all.actor[..], &mut of_all.critic[..]];
+        let from = [&gradients.actor[..], &gradients.critic[..]];
+        match &played.on_scenario {
+            None => to.into_iter().zip(from).for_each(|(to, from)| add(to, from)),
+            Some(on_scenario) => on_scenario.take_back(from, to),
+        }
         Ok(())
     }
 }
@@ -209,11 +321,15 @@ impl StepSettings<'_> {
         }
     }
 
-    /// A minibatch of these rows, over which the losses are means.
-    fn minibatch<'a>(&self, policy_rows: &'a [u32], value_rows: &'a [u32]) -> Minibatch<'a> {
-        let Config { clip, value_clip, huber, .. } = *self.config;
-        let mean = |rows: &[u32]| 1.0 / rows.len().max(1) as f32;
-        Minibatch {
+    /// Minibatch `i`, over whose rows, of all maps, the losses are means.
+    fn minibatch(&self, parts: &[Part<'_>], i: usize) -> MinibatchOfMaps {
+        let Config { clip, value_clip, huber, minibatches, .. } = *self.config;
+        let count = |rows: for<'p> fn(&'p Part<'_>) -> &'p [u32]| {
+            parts.iter().map(|of_map| part(rows(of_map), i, minibatches).len()).sum::<usize>()
+        };
+        let mean = |rows: usize| 1.0 / rows.max(1) as f32;
+        let (policy_rows, value_rows) = (count(|part| &part.policy_rows), count(|part| &part.value_rows));
+        MinibatchOfMaps {
             policy: PolicyLoss { clip: clip as f32, entropy: self.entropy as f32, scale: mean(policy_rows) },
             value: ValueLoss { clip: value_clip as f32, huber: huber as f32, scale: mean(value_rows) },
             policy_rows,
@@ -222,54 +338,48 @@ impl StepSettings<'_> {
     }
 }
 
+/// The losses of a minibatch, and how many rows all maps have in it.
+struct MinibatchOfMaps {
+    policy: PolicyLoss,
+    value: ValueLoss,
+    policy_rows: usize,
+    value_rows: usize,
+}
+
 /// Part `i` of `n` parts, as equal as can be.
 fn part(rows: &[u32], i: usize, n: usize) -> &[u32] {
     &rows[rows.len() * i / n..rows.len() * (i + 1) / n]
 }
 
-/// Estimates advantages and returns, and adapts the units of the critic to the returns.
-fn estimate(
-    team: &mut Team,
-    rollout: &Rollout,
-    config: &Config,
-    mut values: Vec<f32>,
-    value_rows: &[u32],
-) -> Estimates {
+/// Estimates advantages and returns, and adapts the units of the critic to the returns. Returns the share of
+/// their variance that the critic predicted.
+fn estimate(team: &mut Team, parts: &mut [Part<'_>], config: &Config) -> f64 {
     let (mean, deviation) = team.normaliser.mean_and_deviation();
-    values.iter_mut().for_each(|value| *value = (f64::from(*value) * deviation + mean) as f32);
-    let Rollout { rewards, terminated, truncated, num_seats, horizon, .. } = rollout;
-    let steps = Steps { rewards, terminated, truncated, num_envs: *num_seats };
-    let mut estimated = vec![0.0; values.len() / (horizon + 1) * horizon];
-    advantages(&steps, &values, config.gamma, config.lambda, &mut estimated);
-    let returns: Vec<f32> =
-        estimated.iter().zip(&values).map(|(advantage, value)| advantage + value).collect();
-    let of_rows = |values: &[f32]| value_rows.iter().map(|row| values[*row as usize]).collect::<Vec<f32>>();
-    let (learnt_returns, learnt_errors) = (of_rows(&returns), of_rows(&estimated));
-    let (_, spread) = mean_and_deviation(learnt_returns.iter().copied());
-    let (_, error) = mean_and_deviation(learnt_errors.iter().copied());
-    team.observe_returns(learnt_returns.iter().copied());
+    parts.iter_mut().for_each(|part| part.estimate(mean, deviation, config));
+    let returns = parts.iter().flat_map(|part| part.learnt(&part.returns));
+    let errors = parts.iter().flat_map(|part| part.learnt(&part.advantages));
+    let (_, spread) = mean_and_deviation(returns.clone());
+    let (_, error) = mean_and_deviation(errors);
+    team.observe_returns(returns);
     let (mean, deviation) = team.normaliser.mean_and_deviation();
-    let to_units = |values: &[f32]| {
-        values.iter().map(|value| ((f64::from(*value) - mean) / deviation) as f32).collect::<Vec<f32>>()
-    };
-    Estimates {
-        old_values: to_units(&values[..returns.len()]),
-        targets: to_units(&returns),
-        advantages: estimated,
-        explained_variance: 1.0 - (error / spread).powi(2),
+    for part in parts {
+        let to_units = |value: &mut f32| *value = ((f64::from(*value) - mean) / deviation) as f32;
+        part.old_values.truncate(part.returns.len());
+        part.old_values.iter_mut().for_each(to_units);
+        part.returns.iter_mut().for_each(to_units);
     }
+    1.0 - (error / spread).powi(2)
 }
 
 /// Shifts and scales the advantages so that those of the learnt rows have mean 0 and variance 1, or less if
 /// their standard deviation is below `floor`. `agents_per_value` agents share an advantage.
-fn normalise(mut advantages: Vec<f32>, policy_rows: &[u32], agents_per_value: usize, floor: f64) -> Vec<f32> {
+fn normalise(advantages: &mut [f32], policy_rows: &[u32], agents_per_value: usize, floor: f64) {
     let learnt = policy_rows.iter().map(|row| advantages[*row as usize / agents_per_value]);
     let (mean, deviation) = mean_and_deviation(learnt);
     let scale = deviation.max(floor) + 1e-8;
-    for advantage in &mut advantages {
+    for advantage in advantages {
         *advantage = ((f64::from(*advantage) - mean) / scale) as f32;
     }
-    advantages
 }
 
 /// How far an update is.

@@ -37,6 +37,8 @@ pub(crate) enum Purpose {
     /// Actions of a team that plays the enemies of a lane; the run is the seed of the battle's generator, and
     /// the counters are what that has drawn, and the steps of the episode.
     Opponents = 13,
+    /// Seeds of the maps of a run but the first; the counter is the number of the map.
+    Maps = 14,
 }
 
 /// Mixes the bits of a number so that numbers that differ in one bit differ in half of the bits: the last

@@ -100,7 +100,23 @@ impl Run {
         threads: usize,
     ) -> Result<Run, TrainError> {
         let rival = config.enemies.folder().map(Path::to_owned);
-        Run::begin_against(folder, config, setup, lanes, threads, rival)
+        Run::begin_against(folder, config, vec![(setup.clone(), lanes)], threads, rival)
+    }
+
+    /// Begins a run on several maps at once, with [`NetworkKind::Universal`](crate::NetworkKind::Universal):
+    /// what they play, and lanes that play it, with `config.num_envs` environments together. Each update
+    /// learns from all of them.
+    ///
+    /// # Errors
+    /// As [`begin`](Self::begin), and if there is no map, or the configuration is for one map alone.
+    pub fn begin_on_maps(
+        folder: &Path,
+        config: Config,
+        maps: Vec<(BattleSetup, Lanes)>,
+        threads: usize,
+    ) -> Result<Run, TrainError> {
+        config.check_maps(maps.len())?;
+        Run::begin_against(folder, config, maps, threads, None)
     }
 
     /// Begins a run beside that in the folder `other`, which has the same configuration but for its seed. If
@@ -114,23 +130,24 @@ impl Run {
         threads: usize,
     ) -> Result<Run, TrainError> {
         let rival = config.enemies.folder().map(|_| other.join(OPPONENT));
-        Run::begin_against(folder, config, setup, lanes, threads, rival)
+        Run::begin_against(folder, config, vec![(setup.clone(), lanes)], threads, rival)
     }
 
     fn begin_against(
         folder: &Path,
         config: Config,
-        setup: &BattleSetup,
-        lanes: Lanes,
+        maps: Vec<(BattleSetup, Lanes)>,
         threads: usize,
         rival_folder: Option<PathBuf>,
     ) -> Result<Run, TrainError> {
+        let (mut setups, lanes): (Vec<BattleSetup>, Vec<Lanes>) = maps.into_iter().unzip();
+        let setup = setups.remove(0);
         let check_free = || {
             let is_taken = folder.join("run.json").exists();
             if is_taken { Err(TrainError::FolderInUse(folder.display().to_string())) } else { Ok(()) }
         };
         check_free()?;
-        let rival = rival_folder.as_deref().map(|folder| read_rival::<TrainError>(folder, &lanes));
+        let rival = rival_folder.as_deref().map(|folder| read_rival::<TrainError>(folder, &lanes[0]));
         let rival = rival.transpose()?;
         let training = Training::new(config, lanes, threads, rival)?;
         fs::create_dir_all(folder).map_err(|source| FileError::Write { path: folder.to_owned(), source })?;
@@ -145,7 +162,7 @@ impl Run {
         let mut run = Run::open(folder, &description.map_err(LaneError::from)?, training, threads, lock)?;
         run.checkpoint()?; // so that a run that is killed in its first minute can be resumed
         // Last: a folder with this file is a run that can be resumed, and one without can be begun.
-        write_description(folder, run.config(), setup)?;
+        write_description(folder, run.config(), &setup, &setups)?;
         Ok(run)
     }
 
@@ -161,13 +178,26 @@ impl Run {
         lanes: Lanes,
         threads: usize,
     ) -> Result<Run, TrainError> {
+        Run::resume_on_maps(folder, steps, vec![lanes], threads)
+    }
+
+    /// The same with lanes of each map of the run, in their order: the run's own, and
+    /// [`RunDescription::other_maps`].
+    ///
+    /// # Errors
+    /// As [`resume`](Self::resume).
+    pub fn resume_on_maps(
+        folder: &Path,
+        steps: Option<u64>,
+        lanes: Vec<Lanes>,
+        threads: usize,
+    ) -> Result<Run, TrainError> {
         zoo_folders::refuse(folder, "checkpoint to continue from")?;
         let lock = lock(folder)?;
         remove_incomplete_files(folder)?;
         let mut description = RunDescription::read(folder)?;
         description.config.steps = steps.unwrap_or(description.config.steps);
-        let RunDescription { config, setup, .. } = description.clone();
-        let lanes = lanes.for_run(&config)?;
+        let RunDescription { config, setup, other_maps, .. } = description.clone();
         let actor = description.actor();
         let mut read_rival = |number| match number {
             0 => read_team(&folder.join(OPPONENT), Some(Weights::Last)).map(|(_, _, network)| network),
@@ -176,7 +206,7 @@ impl Run {
         let path = folder.join("checkpoint.safetensors");
         let state = Checkpoint::read(&path, &config, &description.inputs, &mut read_rival)?;
         let training = Training::resume(config, lanes, threads, state)?;
-        write_description(folder, &training.config, &setup)?;
+        write_description(folder, &training.config, &setup, &other_maps)?;
         Run::open(folder, &description, training, threads, lock)
     }
 

@@ -5,6 +5,7 @@ use crate::architecture::{Architecture, Inputs, Workspace};
 use crate::config::Config;
 use crate::normaliser::{Normaliser, preserve_predictions};
 use crate::random::{Purpose, generator};
+use crate::universal::Specialisation;
 
 /// The first policy is almost uniform, so that it explores.
 const ACTOR_GAIN: f64 = 0.01;
@@ -53,9 +54,10 @@ pub(crate) struct Team {
 impl Team {
     /// A team with first weights.
     pub fn new(config: &Config, inputs: &Inputs) -> Team {
+        let [actor, critic] = Architecture::stored(config, inputs);
         Team {
-            actor: Network::new(Architecture::actor(config, inputs), ACTOR_GAIN, config.seed, 0),
-            critic: Network::new(Architecture::critic(config, inputs), CRITIC_GAIN, config.seed, 1),
+            actor: Network::new(actor, ACTOR_GAIN, config.seed, 0),
+            critic: Network::new(critic, CRITIC_GAIN, config.seed, 1),
             normaliser: Normaliser::default(),
         }
     }
@@ -72,6 +74,45 @@ impl Team {
             let bias = &mut from_bias[..bias.range.len()];
             preserve_predictions(old, new, &mut before[weight.range.clone()], bias);
         }
+    }
+}
+
+/// A team of universal networks on one scenario.
+#[derive(Debug)]
+pub(crate) struct OnScenario {
+    specialisations: [Specialisation; 2],
+    /// With no optimisers.
+    team: Team,
+}
+
+impl OnScenario {
+    /// `None` if networks are those of one scenario.
+    pub fn new(config: &Config, inputs: &Inputs) -> Option<OnScenario> {
+        let specialisations = Architecture::specialisations(config, inputs)?;
+        let network = |architecture| Network { architecture, params: Vec::new(), adam: Adam::new(0) };
+        let actor = network(Architecture::actor(config, inputs));
+        let critic = network(Architecture::critic(config, inputs));
+        Some(OnScenario { specialisations, team: Team { actor, critic, normaliser: Normaliser::default() } })
+    }
+
+    /// The team with the present parameters.
+    pub fn team(&mut self, universal: &Team) -> &Team {
+        let [actor, critic] = &self.specialisations;
+        actor.specialise(&universal.actor.params, &mut self.team.actor.params);
+        critic.specialise(&universal.critic.params, &mut self.team.critic.params);
+        &self.team
+    }
+
+    /// The actor alone, which plays.
+    pub fn into_actor(mut self, universal: &Network) -> Network {
+        self.specialisations[0].specialise(&universal.params, &mut self.team.actor.params);
+        self.team.actor
+    }
+
+    /// Adds gradients on the scenario, of actor and critic, to those of the universal networks.
+    pub fn take_back(&self, special: [&[f32]; 2], universal: [&mut [f32]; 2]) {
+        let gradients = special.into_iter().zip(universal);
+        self.specialisations.iter().zip(gradients).for_each(|(of, (from, to))| of.take_back(from, to));
     }
 }
 

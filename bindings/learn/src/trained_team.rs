@@ -2,14 +2,15 @@
 
 use crate::actor::{Actor, Draw, Rows};
 use crate::architecture::Workspace;
-use crate::description::{RunDescription, Weights, read_team};
+use crate::description::{RunDescription, Weights, read_team, read_team_of};
+use crate::evaluate::EvaluateError;
 use crate::lanes::sizes_with_history;
 use crate::linear::Tensor;
 use crate::policy::Choice;
 use crate::random::Purpose;
 use crate::team::{Network, agent_ids};
 use crate::tensors::FileError;
-use smaclite_engine::{Arena, Battle, Scratch, Sizes, TargetLayout, UnitLayout, action};
+use smaclite_engine::{Arena, Battle, BattleSetup, Scratch, Sizes, TargetLayout, UnitLayout, action};
 use smaclite_scenarios::Faction;
 use std::path::Path;
 
@@ -65,6 +66,20 @@ impl TrainedTeam {
     /// As [`open`](Self::open).
     pub fn open_with(folder: &Path, weights: Option<Weights>) -> Result<TrainedTeam, FileError> {
         let (run, _, network) = read_team(folder, weights)?;
+        Ok(TrainedTeam { run, network })
+    }
+
+    /// The same on another map, with networks that fit every scenario.
+    ///
+    /// # Errors
+    /// If they do not, and as [`open`](Self::open).
+    pub fn open_on(
+        folder: &Path,
+        weights: Option<Weights>,
+        map: BattleSetup,
+    ) -> Result<TrainedTeam, EvaluateError> {
+        let run = RunDescription::read(folder)?.on(map)?;
+        let (run, _, network) = read_team_of(folder, run, weights)?;
         Ok(TrainedTeam { run, network })
     }
 

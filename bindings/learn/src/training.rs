@@ -10,10 +10,10 @@ use crate::cpu_timer::CpuTimer;
 use crate::lane_error::LaneError;
 use crate::lanes::Lanes;
 use crate::league::{League, Rival};
-use crate::ppo::{Diverged, Ppo, UpdateError, UpdateStats};
+use crate::ppo::{Diverged, Played, Ppo, UpdateError, UpdateStats};
 use crate::random::{Purpose, generator, seed};
 use crate::rollout::{Against, Ended, Rollout};
-use crate::team::{Network, Team};
+use crate::team::{Network, OnScenario, Team};
 use crate::tensors::FileError;
 use smaclite_ipc::ClientError;
 use std::time::{Duration, Instant};
@@ -21,7 +21,7 @@ use std::time::{Duration, Instant};
 /// Updates between two restarts of the environments.
 const RESTART_INTERVAL: u64 = 32;
 
-/// How many episodes the statistics of a record are about.
+/// How many episodes the statistics of a record are about, of all maps together.
 const RECENT: usize = 200;
 
 /// Why a run could not begin or continue.
@@ -48,11 +48,35 @@ pub enum TrainError {
 /// A run in memory.
 pub(crate) struct Training {
     pub config: Config,
-    lanes: Lanes,
+    maps: Vec<MapOfRun>,
     state: Checkpoint,
+    ppo: Ppo,
+}
+
+/// What a run plays on a map.
+struct MapOfRun {
+    lanes: Lanes,
     rollout: Rollout,
     collector: Collector,
-    ppo: Ppo,
+    on_scenario: Option<OnScenario>,
+    /// Of environments, actions and the order of samples; that of the run on the first map.
+    seed: u64,
+}
+
+impl MapOfRun {
+    fn new(config: &Config, number: usize, lanes: Lanes) -> Result<MapOfRun, TrainError> {
+        // A run has so many environments on all its maps together.
+        let of_map = Config { num_envs: lanes.num_envs(), ..config.clone() };
+        let lanes = lanes.for_run(&of_map)?;
+        lanes.inputs().check(config)?;
+        Ok(MapOfRun {
+            rollout: Rollout::new(&of_map, lanes.sizes()),
+            collector: Collector::default(),
+            on_scenario: OnScenario::new(config, lanes.inputs()),
+            seed: if number == 0 { config.seed } else { seed(config.seed, Purpose::Maps, [number as u64, 0]) },
+            lanes,
+        })
+    }
 }
 
 /// What an update did, and how far the run is. Statistics of episodes are of the newest 200; they are NaN
@@ -135,17 +159,16 @@ impl Record {
 }
 
 impl Training {
-    /// Begins a run. `rival` plays the enemies if those are a trained team's.
+    /// Begins a run on the lanes of each map; the first network is built for the first. `rival` plays the enemies if those are a trained team's.
     pub fn new(
         config: Config,
-        lanes: Lanes,
+        lanes: Vec<Lanes>,
         threads: usize,
         rival: Option<Network>,
     ) -> Result<Training, TrainError> {
         config.check()?;
-        let lanes = lanes.for_run(&config)?;
-        lanes.inputs().check(&config)?;
-        let team = Team::new(&config, lanes.inputs());
+        let maps = Training::maps(&config, lanes)?;
+        let team = Team::new(&config, maps[0].lanes.inputs());
         let rivals = rival.map(|actor| Rival::new(0, actor)).into_iter().collect();
         let league = match config.enemies {
             Enemies::Scripts => League::default(),
@@ -153,31 +176,38 @@ impl Training {
         };
         let (progress, recent) = (Progress::default(), Vec::new());
         let state = Checkpoint { team, progress, recent, envs: None, league };
-        Ok(Training::with_state(config, lanes, threads, state))
+        Ok(Training { config, maps, state, ppo: Ppo::new(threads) })
     }
 
     /// Continues a run on the lanes of its configuration, in the states of the checkpoint's environments. If
     /// it has none, because a lane does not serve snapshots, the environments begin new episodes.
     pub fn resume(
         config: Config,
-        lanes: Lanes,
+        lanes: Vec<Lanes>,
         threads: usize,
         state: Checkpoint,
     ) -> Result<Training, TrainError> {
         config.check()?;
-        let mut training = Training::with_state(config, lanes, threads, state);
-        let Training { lanes, state, .. } = &mut training;
+        let maps = Training::maps(&config, lanes)?;
+        let mut training = Training { config, maps, state, ppo: Ppo::new(threads) };
+        let Training { maps, state, .. } = &mut training;
         match &state.envs {
-            Some(envs) => lanes.restore(envs).map_err(TrainError::NotRestored)?,
+            Some(envs) => {
+                for (map, envs) in maps.iter_mut().zip(envs) {
+                    map.lanes.restore(envs).map_err(TrainError::NotRestored)?;
+                }
+            }
             None => training.restart_environments()?,
         }
         Ok(training)
     }
 
-    fn with_state(config: Config, lanes: Lanes, threads: usize, state: Checkpoint) -> Training {
-        let rollout = Rollout::new(&config, lanes.sizes());
-        let (collector, ppo) = (Collector::default(), Ppo::new(threads));
-        Training { config, lanes, state, rollout, collector, ppo }
+    fn maps(config: &Config, lanes: Vec<Lanes>) -> Result<Vec<MapOfRun>, TrainError> {
+        let (given, expected) = (lanes.iter().map(Lanes::num_envs).sum(), config.num_envs);
+        if given != expected {
+            return Err(LaneError::NumEnvs { given, expected }.into());
+        }
+        lanes.into_iter().enumerate().map(|(number, lanes)| MapOfRun::new(config, number, lanes)).collect()
     }
 
     /// The state after the last complete update.
@@ -198,14 +228,24 @@ impl Training {
         if updates.is_multiple_of(RESTART_INTERVAL) {
             self.restart_environments()?;
         }
-        let Training { config, lanes, state, rollout, collector, ppo } = self;
+        let Training { config, maps, state, ppo } = self;
         let (first_step, self_share) = (updates * config.horizon as u64, config.enemies.self_share());
-        let draws = Draws { seed: config.seed, first_step, self_share };
         let mut league = state.league.clone(); // the state's stays if this update is interrupted
-        let waited = collector.collect(lanes, &state.team.actor, &mut league, rollout, draws, interrupted)?;
+        let mut waited = Duration::ZERO;
+        for MapOfRun { lanes, rollout, collector, on_scenario, seed } in maps.iter_mut() {
+            let draws = Draws { seed: *seed, first_step, self_share };
+            let team = on_scenario.as_mut().map_or(&state.team, |on_scenario| on_scenario.team(&state.team));
+            waited += collector.collect(lanes, &team.actor, &mut league, rollout, draws, interrupted)?;
+        }
         let learn_begin = Instant::now();
         let before = state.team.clone();
-        let stats = ppo.update(&mut state.team, rollout, config, updates, state.progress.steps, interrupted);
+        let played = maps.iter_mut().map(|MapOfRun { rollout, on_scenario, seed, .. }| Played {
+            rollout,
+            on_scenario: on_scenario.as_mut(),
+            seed: *seed,
+        });
+        let (played, steps) = (played.collect(), state.progress.steps);
+        let stats = ppo.update(&mut state.team, played, config, updates, steps, interrupted);
         let stats = stats.map_err(|error| match error {
             UpdateError::Diverged(diverged) => TrainError::Diverged(diverged),
             UpdateError::Interrupted => {
@@ -214,8 +254,10 @@ impl Training {
             }
         })?;
         let (learnt, elapsed) = (learn_begin.elapsed(), begin.elapsed());
-        state.envs = lanes.save(&mut || false)?;
-        state.recent.extend_from_slice(&rollout.episodes);
+        let saved = maps.iter_mut().map(|map| map.lanes.save(&mut || false));
+        state.envs = saved.collect::<Result<Option<Vec<_>>, _>>()?;
+        let rollouts = || maps.iter().map(|map| &map.rollout);
+        state.recent.extend(rollouts().flat_map(|rollout| &rollout.episodes));
         state.recent.drain(..state.recent.len().saturating_sub(RECENT));
         state.progress.updates += 1;
         state.league = league;
@@ -225,14 +267,15 @@ impl Training {
             let copy = Rival::new(state.progress.updates, state.team.actor.without_optimiser());
             state.league.add(copy, play.league_size);
         }
-        state.progress.steps += rollout.steps();
-        state.progress.episodes += rollout.episodes.len() as u64;
+        let steps = rollouts().map(Rollout::steps).sum::<u64>();
+        state.progress.steps += steps;
+        state.progress.episodes += rollouts().map(|rollout| rollout.episodes.len() as u64).sum::<u64>();
         state.progress.seconds += elapsed.as_secs_f64();
         state.progress.cpu_seconds += cpu.seconds();
         let share = |time: Duration| time.as_secs_f64() / elapsed.as_secs_f64();
         Ok(Record {
             stats,
-            steps_per_s: rollout.steps() as f64 / elapsed.as_secs_f64(),
+            steps_per_s: steps as f64 / elapsed.as_secs_f64(),
             wait_share: share(waited),
             learn_share: share(learnt),
             ..self.record()
@@ -281,7 +324,8 @@ impl Training {
             let mut generator = generator(self.config.seed, Purpose::Players, [first_step, env as u64]);
             self.state.league.draw(env, self_share, &mut generator);
         }
-        self.lanes.reset(seed(self.config.seed, Purpose::Environments, counters))
+        let seed_of = |map: &MapOfRun| seed(map.seed, Purpose::Environments, counters);
+        self.maps.iter_mut().try_for_each(|map| map.lanes.reset(seed_of(map)))
     }
 }
 

@@ -152,6 +152,11 @@ impl UnitsNetwork {
         self.n_params
     }
 
+    /// What enters the trunk.
+    pub fn pooled_width(&self) -> usize {
+        self.trunk[0].n_in()
+    }
+
     /// Outputs per row, padded to a multiple of [`WIDTH`].
     pub fn padded_out(&self) -> usize {
         (self.n_head + self.n_targets()).next_multiple_of(WIDTH)

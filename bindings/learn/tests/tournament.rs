@@ -71,6 +71,7 @@ fn a_team_plays_the_episodes_that_its_evaluation_counts() {
                 opponents,
                 opponent_team: None,
                 weights: None,
+                map: None,
             };
             let expected =
                 evaluate(team.as_ref(), evaluation, &runtime_dir, &mut || false, &mut |_| {}).unwrap();

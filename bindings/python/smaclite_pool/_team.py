@@ -72,6 +72,7 @@ class Team:
         greedy: bool = False,
         seed: int | None = None,
         side: Literal["allies", "enemies"] = "allies",
+        map: str | None = None,
     ) -> None:
         self.folder = fspath(folder)
         self.weights = weights
@@ -81,9 +82,9 @@ class Team:
             raise InvalidRequest(f'weights must be None, "best" or "last", got {weights!r}')
         if side not in ("allies", "enemies"):
             raise InvalidRequest(f'side must be "allies" or "enemies", got {side!r}')
-        run = read_team(self.folder, weights)
+        run = read_team(self.folder, weights, map)
         self.scenario: str = run["scenario"]
-        """The name of the scenario that it was trained in."""
+        """The name of the scenario that it plays: that of its training, or `map`."""
         self.config: dict[str, Any] = run["config"]
         """The hyperparameters."""
         self.settings: dict[str, Any] = {
@@ -148,6 +149,7 @@ def load_team(
     greedy: bool = False,
     seed: int | None = None,
     side: Literal["allies", "enemies"] = "allies",
+    map: str | None = None,
 ) -> Team:
     """A trained team: one that is part of the package, or that of a run.
 
@@ -177,13 +179,16 @@ def load_team(
         seed: of the generator that draws them; None for a random one, which `Team.seed` has.
         side: which units it plays: `"allies"`, or `"enemies"`, from `enemy_obs` and `enemy_avail_actions`.
 
-    Raises InvalidRequest if there is no such team, or its files are damaged.
+        map: the scenario that it plays instead of that of its training, a name or a file. Its networks must
+            be `universal` (`train --network universal` or `--maps`).
+
+    Raises InvalidRequest if there is no such team, its files are damaged, or it does not play that map.
     """
     name = fspath(team)
     if "/" in name or name.startswith("zoo:") or Path(name).exists():
-        return Team(name, weights=weights, greedy=greedy, seed=seed, side=side)
+        return Team(name, weights=weights, greedy=greedy, seed=seed, side=side, map=map)
     if name not in ZOO:
         raise InvalidRequest(
             f"there is no folder `{name}`, and the zoo has no team `{name}`; it has {', '.join(ZOO)}"
         )
-    return Team(f"zoo:{name}", weights=weights, greedy=greedy, seed=seed, side=side)
+    return Team(f"zoo:{name}", weights=weights, greedy=greedy, seed=seed, side=side, map=map)

@@ -18,6 +18,7 @@ use smaclite_learn::{
     resolve_scenario,
 };
 use smaclite_pool::MAX_LAST_ACTIONS;
+use smaclite_scenarios::Scenario;
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
@@ -36,9 +37,15 @@ Ctrl-C writes a checkpoint and ends with exit status 130 (SIGTERM: 143), a secon
 entropy fall over --steps.")]
 pub(super) struct Train {
     /// A standard scenario or a scenario file; without an episode limit, its episodes end after 1000 steps
-    #[arg(value_name = "MAP", required_unless_present_any = ["resume", "pool"],
+    #[arg(value_name = "MAP", required_unless_present_any = ["resume", "pool", "maps"],
         add = completions::scenario())]
     map: Option<String>,
+    /// Train one team on several maps at once, with --network universal: their names or files, separated by
+    /// commas; `all` are those of SMAC, `generated` those with drawn teams. The environments are divided
+    /// among them
+    #[arg(long, value_name = "MAP,...", value_delimiter = ',', add = completions::scenario(),
+        conflicts_with_all = ["map", "pool", "resume", "opponent", "seeds", "evaluate_every"])]
+    maps: Option<Vec<String>>,
     /// Folder of the run: weights, checkpoint and logs; must not hold a run. With --seeds, each run has a
     /// folder in it, seed-0 and so on
     #[arg(long, value_name = "FOLDER", required_unless_present = "resume")]
@@ -137,8 +144,9 @@ hyperparameters! {
     epochs: usize = count(1..=1000),
     /// Gradient steps per epoch [default: 8]
     minibatches: usize = count(1..=1000),
-    /// Networks of actor and critic: flat (layers over all features) or units (over units: enemies share
-    /// weights, and so do allies, whatever their order) [default: units for drawn teams, otherwise flat]
+    /// Networks of actor and critic: flat (layers over all features), units (over units: enemies share
+    /// weights, and so do allies, whatever their order) or universal (over units, which are told by the
+    /// figures of their types: a team that plays every map) [default: units for drawn teams, otherwise flat]
     network: NetworkKind,
     /// Non-linearity of the hidden layers: relu or tanh [default: relu]
     activation: Activation,
@@ -169,6 +177,29 @@ hyperparameters! {
     entropy_end: f64,
     /// The longest gradient of each network [default: 1]
     max_grad_norm: f64,
+}
+
+/// The fewest environments of a map by default, if a team is trained on several.
+const ENVS_PER_MAP: usize = 8;
+
+fn in_words(maps: &[BattleSetup]) -> String {
+    format!("{} maps", maps.len())
+}
+
+/// Lanes for each map, among which the environments of the run are divided.
+fn lanes_of_maps(
+    setups: &[BattleSetup],
+    config: &Config,
+    threads: usize,
+    runtime_dir: &RuntimeDir,
+) -> Result<Vec<Lanes>, Box<dyn Error>> {
+    let n_maps = setups.len();
+    let begin = |map: usize| config.num_envs * map / n_maps;
+    let start = |(map, setup): (usize, &BattleSetup)| {
+        let num_envs = begin(map + 1) - begin(map);
+        Lanes::start(setup, num_envs, config.last_actions, (threads - 1).max(1), runtime_dir)
+    };
+    Ok(setups.iter().enumerate().map(start).collect::<Result<_, _>>()?)
 }
 
 /// What is trained.
@@ -263,6 +294,13 @@ impl Train {
             .into());
         }
         let run = RunDescription::read(folder)?;
+        if !run.other_maps.is_empty() {
+            let setups: Vec<BattleSetup> = [run.lanes_setup()].into_iter().chain(run.other_maps).collect();
+            let name = in_words(&setups);
+            let lanes = lanes_of_maps(&setups, &run.config, threads, runtime_dir)?;
+            let run = Run::resume_on_maps(folder, self.steps, lanes, threads)?;
+            return Ok(Opened::One(Box::new(run), name));
+        }
         self.choose_lane(&run.name, runtime_dir, interrupted)?;
         let lanes = self.lanes(&run.lanes_setup(), &run.config, threads, runtime_dir, interrupted)?;
         Ok(Opened::One(Box::new(Run::resume(folder, self.steps, lanes, threads)?), run.name))
@@ -277,6 +315,9 @@ impl Train {
         let out = self.out.take().unwrap_or_default();
         if out.exists() && !out.is_dir() {
             return Err(format!("--out must be a folder, but `{}` is a file", out.display()).into());
+        }
+        if let Some(names) = self.maps.take() {
+            return self.begin_on_maps(&out, &names, threads, runtime_dir);
         }
         let enemies = self.self_play.enemies(self.opponent.clone())?;
         let setup = self.setup(runtime_dir, interrupted)?;
@@ -294,6 +335,37 @@ impl Train {
         config.num_envs = num_envs.unwrap_or(lanes.num_envs());
         config.last_actions = last_actions.unwrap_or(lanes.last_actions());
         Ok(Opened::One(Box::new(Run::begin(&out, config, &setup, lanes, threads)?), scenario.name))
+    }
+
+    fn begin_on_maps(
+        self,
+        out: &Path,
+        names: &[String],
+        threads: usize,
+        runtime_dir: &RuntimeDir,
+    ) -> Result<Opened, Box<dyn Error>> {
+        let names = names.iter().flat_map(|name| match name.as_str() {
+            "all" => Scenario::standard_names().map(str::to_owned).collect(),
+            "generated" => Scenario::generated_names().map(str::to_owned).collect(),
+            _ => vec![name.clone()],
+        });
+        let resolve = |name: String| resolve_scenario(&name, self.rules.unwrap_or_default());
+        let setups = names.map(resolve).collect::<Result<Vec<BattleSetup>, _>>()?;
+        setups.iter().for_each(|setup| warn_of(&setup.files));
+        let mut n_agents = 0;
+        for setup in &setups {
+            n_agents += setup.files.scenario()?.n_agents();
+        }
+        // Explores as the mean of its teams; the state says how strong drawn teams are.
+        let config = Config::for_agents(n_agents / setups.len()).with_network(NetworkKind::Universal);
+        let num_envs = config.num_envs.max(ENVS_PER_MAP * setups.len());
+        let mut config = Config { algorithm: Algorithm::Mappo, num_envs, ..config };
+        config.steps = self.steps.unwrap_or(config.steps);
+        let config = self.hyperparameters.apply(config);
+        let name = in_words(&setups);
+        let lanes = lanes_of_maps(&setups, &config, threads, runtime_dir)?;
+        let maps = setups.into_iter().zip(lanes).collect();
+        Ok(Opened::One(Box::new(Run::begin_on_maps(out, config, maps, threads)?), name))
     }
 
     fn setup(

@@ -25,7 +25,7 @@ fn checkpoint(config: &Config) -> Checkpoint {
     let episode = Episode { episode_return: 3.5, length: 20, won: true };
     let recent = vec![Ended { episode, against: Against::Script }];
     let envs = Some(SavedEnvs { snapshots: vec![5; 3 * 16], over: vec![0, 1, 0] });
-    Checkpoint { team, progress, recent, envs, league: League::default() }
+    Checkpoint { team, progress, recent, envs: envs.map(|envs| vec![envs]), league: League::default() }
 }
 
 fn read_checkpoint(path: &Path, config: &Config) -> Result<Checkpoint, FileError> {

@@ -199,7 +199,7 @@ impl Source {
                     Some(quality) => {
                         let policies = quality::policies(folder, *quality)?.into_iter();
                         let open = |(policy, path): (Policy, PathBuf)| {
-                            let network = read_actor(&path, run.actor())?;
+                            let network = run.playing(read_actor(&path, run.actor())?);
                             let team = TrainedTeam { run: run.clone(), network };
                             Ok::<_, DatasetError>((policy, Player::Team(Box::new(team))))
                         };

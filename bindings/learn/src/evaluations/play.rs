@@ -68,14 +68,14 @@ impl Evaluator {
             let path = folder.join("run.json");
             FileError::Damaged { path, why: problems.to_string() }
         })?;
-        let network = Team::new(&run.config, &run.inputs).actor.without_optimiser();
+        let network = run.playing(Team::new(&run.config, &run.inputs).actor);
         let team = Player::Team(Box::new(TrainedTeam { run: run.clone(), network }));
         let pairing = Pairing { agents: 0, enemies: 1, arena: Arc::new(arena), is_exchanged: false };
         let scratches = (0..threads.max(1)).map(|_| Scratch::new()).collect();
         Ok(Evaluator { seed: run.config.seed, pairing, players: [team, enemies], scratches })
     }
 
-    /// Plays the episodes with these weights. The same run, occasion and weights give the same episodes.
+    /// Plays the episodes with these weights, as files have them. The same run, occasion and weights give the same episodes.
     pub fn play(
         &mut self,
         actor: &Network,
@@ -86,7 +86,7 @@ impl Evaluator {
     ) -> Result<Vec<Episode>, Interrupted> {
         let Evaluator { pairing, players, scratches, .. } = self;
         if let Player::Team(team) = &mut players[0] {
-            team.network = actor.without_optimiser();
+            team.network = team.run.playing(actor.without_optimiser());
         }
         let play = Play { seed: occasion.seed(self.seed, choice), choice };
         let mut ended = vec![Ended::default(); episodes];

@@ -49,6 +49,10 @@ fn play(team: &Team, config: &Config, update: u64) -> Rollout {
     rollout
 }
 
+fn played(rollout: &Rollout) -> Vec<Played<'_>> {
+    vec![Played { rollout, on_scenario: None, seed: 0 }]
+}
+
 fn share_of_right_actions(rollout: &Rollout) -> f32 {
     rollout.rewards.iter().sum::<f32>() / rollout.actions.len() as f32
 }
@@ -63,7 +67,7 @@ fn right_actions_become_more_probable() {
         let mut stats = UpdateStats::default();
         for update in 0..20 {
             let rollout = play(&team, &config, update);
-            stats = ppo.update(&mut team, &rollout, &config, update, 0, &mut || false).unwrap();
+            stats = ppo.update(&mut team, played(&rollout), &config, update, 0, &mut || false).unwrap();
         }
         let share = share_of_right_actions(&play(&team, &config, 20));
         assert!(share > 0.9, "{algorithm:?}: {share}, {stats:?}");
@@ -78,7 +82,7 @@ fn the_number_of_threads_changes_no_bit() {
     let rollout = play(&first, &config, 0);
     let train = |threads| {
         let mut team = first.clone();
-        let stats = Ppo::new(threads).update(&mut team, &rollout, &config, 0, 0, &mut || false).unwrap();
+        let stats = Ppo::new(threads).update(&mut team, played(&rollout), &config, 0, 0, &mut || false).unwrap();
         (team, stats)
     };
     assert_eq!(train(1), train(5));
@@ -91,13 +95,13 @@ fn an_observation_that_is_no_number_is_reported() {
     let mut team = Team::new(&config, &SIZES.into());
     let mut rollout = play(&team, &config, 0);
     rollout.obs[0] = f32::NAN;
-    let error = Ppo::new(1).update(&mut team, &rollout, &config, 7, 0, &mut || false).unwrap_err();
+    let error = Ppo::new(1).update(&mut team, played(&rollout), &config, 7, 0, &mut || false).unwrap_err();
     let UpdateError::Diverged(error) = error else { panic!("{error:?}") };
     let error = error.to_string();
     assert!(error.contains("the gradient of the actor is not finite in update 7"), "{error}");
     let mut rollout = play(&team, &config, 0);
     rollout.rewards[3] = f32::INFINITY;
-    assert!(Ppo::new(1).update(&mut team, &rollout, &config, 7, 0, &mut || false).is_err());
+    assert!(Ppo::new(1).update(&mut team, played(&rollout), &config, 7, 0, &mut || false).is_err());
 }
 
 #[test]
@@ -107,7 +111,7 @@ fn a_rollout_without_choices_trains_the_critic_alone() {
     let mut rollout = play(&first, &config, 0);
     rollout.masks.chunks_exact_mut(WIDTH).for_each(|mask| mask[1..].fill(0));
     let mut team = first.clone();
-    Ppo::new(1).update(&mut team, &rollout, &config, 0, 0, &mut || false).unwrap();
+    Ppo::new(1).update(&mut team, played(&rollout), &config, 0, 0, &mut || false).unwrap();
     assert_eq!(team.actor, first.actor);
     assert_ne!(team.critic.params, first.critic.params);
 }
@@ -115,14 +119,18 @@ fn a_rollout_without_choices_trains_the_critic_alone() {
 #[test]
 fn advantages_are_scaled_by_their_deviation_or_the_floor() {
     // Rows 0 to 2 are learnt: mean 2, variance 2/3.
-    let normalised = |floor| normalise(vec![1.0, 2.0, 3.0, 9.0], &[0, 1, 2], 1, floor);
+    let normalised = |policy_rows: &[u32], agents_per_value, floor| {
+        let mut advantages = vec![1.0, 2.0, 3.0, 9.0];
+        normalise(&mut advantages, policy_rows, agents_per_value, floor);
+        advantages
+    };
     let close = |found: Vec<f32>, expected: [f32; 4]| {
         found.iter().zip(expected).for_each(|(x, y)| assert!((x - y).abs() < 1e-5, "{found:?} {expected:?}"));
     };
     let deviation = (2.0f32 / 3.0).sqrt();
-    close(normalised(0.0), [-1.0, 0.0, 1.0, 7.0].map(|x| x / deviation));
-    close(normalised(0.5), [-1.0, 0.0, 1.0, 7.0].map(|x| x / deviation));
-    close(normalised(4.0), [-0.25, 0.0, 0.25, 1.75]);
+    close(normalised(&[0, 1, 2], 1, 0.0), [-1.0, 0.0, 1.0, 7.0].map(|x| x / deviation));
+    close(normalised(&[0, 1, 2], 1, 0.5), [-1.0, 0.0, 1.0, 7.0].map(|x| x / deviation));
+    close(normalised(&[0, 1, 2], 1, 4.0), [-0.25, 0.0, 0.25, 1.75]);
     // Two agents share an advantage: rows 0 to 3 have those of samples 0 and 1.
-    close(normalise(vec![1.0, 2.0, 3.0, 9.0], &[0, 1, 2, 3], 2, 0.0), [-1.0, 1.0, 3.0, 15.0]);
+    close(normalised(&[0, 1, 2, 3], 2, 0.0), [-1.0, 1.0, 3.0, 15.0]);
 }

@@ -114,7 +114,7 @@ impl Place {
 
 pub fn evaluation(episodes: usize) -> Evaluation {
     let (opponents, opponent_team, weights) = (None, None, None);
-    Evaluation { episodes, seed: 5, weights, greedy: false, threads: 1, opponents, opponent_team }
+    Evaluation { episodes, seed: 5, weights, greedy: false, threads: 1, opponents, opponent_team, map: None }
 }
 
 pub fn scenario() -> BattleSetup {

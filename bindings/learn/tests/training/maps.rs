@@ -1,0 +1,114 @@
+//! Teams of networks that fit every scenario: trained on one map or on several, and played on any.
+
+use crate::kit::{Place, check_resumed, complete, evaluated, evaluation, small};
+use smaclite_engine::{BattleSetup, Rules};
+use smaclite_learn::{
+    Algorithm, Config, Evaluation, EvaluationResult, Lanes, NetworkKind, Run, RunDescription, SelfPlay,
+    TrainedTeam, evaluate, resolve_scenario,
+};
+use std::sync::Arc;
+
+fn universal(config: Config) -> Config {
+    let hidden = vec![8, 16];
+    Config { hidden, algorithm: Algorithm::Mappo, ..config.with_network(NetworkKind::Universal) }
+}
+
+fn setups(names: &[&str]) -> Vec<BattleSetup> {
+    names.iter().map(|name| resolve_scenario(name, Rules::default()).unwrap()).collect()
+}
+
+/// Lanes with equal numbers of environments.
+fn lanes(place: &Place, setups: &[BattleSetup], config: &Config, threads: usize) -> Vec<Lanes> {
+    let num_envs = config.num_envs / setups.len();
+    let start = |setup| Lanes::start(setup, num_envs, config.last_actions, threads, &place.runtime_dir);
+    setups.iter().map(|setup| start(setup).unwrap()).collect()
+}
+
+fn begin(place: &Place, name: &str, setups: &[BattleSetup], config: &Config, threads: usize) -> Run {
+    let maps = setups.iter().cloned().zip(lanes(place, setups, config, threads)).collect();
+    Run::begin_on_maps(&place.path(name), config.clone(), maps, threads).unwrap()
+}
+
+fn play(place: &Place, name: &str, map: &str, episodes: usize) -> Result<EvaluationResult, String> {
+    let map = Some(resolve_scenario(map, Rules::default()).unwrap());
+    let evaluation = Evaluation { map, ..evaluation(episodes) };
+    let played = evaluate(&place.path(name), evaluation, &place.runtime_dir, &mut || false, &mut |_| {});
+    played.map_err(|error| error.to_string())
+}
+
+/// The random policy has returns of 1.4 and 2.0 (docs/reference/policies.md).
+#[test]
+fn a_team_learns_two_maps_and_plays_a_third() {
+    let place = Place::new();
+    let config = universal(Config { seed: 1, steps: 60_000, ..Config::for_agents(4) });
+    let record = complete(begin(&place, "run", &setups(&["3m", "8m"]), &config, 2));
+    assert!(record.steps >= 60_000 && record.mean_return > 3.5, "{record:?}");
+    for (map, least) in [("3m", 3.5), ("8m", 3.5), ("5m_vs_6m", 2.0)] {
+        let result = play(&place, "run", map, 64).unwrap();
+        assert!(result.scenario == map && result.mean_return > least, "{result:?}");
+    }
+    let result = play(&place, "run", "MMM", 8).unwrap();
+    assert_eq!(result.episodes, 8, "types and actions that it has never seen: {result:?}");
+}
+
+/// On its own map.
+#[test]
+fn a_resumed_run_of_a_universal_network_has_the_same_bits() {
+    check_resumed(&universal(Config { steps: 34 * 158, epochs: 1, ..small() }), &Place::new());
+}
+
+#[test]
+fn a_resumed_run_on_several_maps_has_the_same_bits_on_any_number_of_threads() {
+    let place = Place::new();
+    let setups = setups(&["3m", "2s3z", "MMM"]);
+    let config = universal(Config { num_envs: 9, steps: 34 * 142, epochs: 1, ..small() });
+    complete(begin(&place, "whole", &setups, &config, 1));
+    let mut run = begin(&place, "resumed", &setups, &config, 3);
+    for _ in 0..33 {
+        run.update(&mut || false).unwrap();
+    }
+    run.checkpoint().unwrap();
+    drop(run);
+    let run = RunDescription::read(&place.path("resumed")).unwrap();
+    assert_eq!((run.name.as_str(), &run.other_maps[..]), ("3m", &setups[1..]));
+    let resumed = lanes(&place, &setups, &config, 1);
+    complete(Run::resume_on_maps(&place.path("resumed"), None, resumed, 1).unwrap());
+    assert_eq!(place.outcome("resumed"), place.outcome("whole"));
+    let too_few = lanes(&place, &setups[1..], &config, 1);
+    assert!(Run::resume_on_maps(&place.path("resumed"), None, too_few, 1).is_err());
+}
+
+/// The program and Python play single battles with it, on a map of the caller's.
+#[test]
+fn a_team_is_opened_on_another_map() {
+    let place = Place::new();
+    place.train("run", &universal(small()), 1);
+    let setup = resolve_scenario("2s3z", Rules::default()).unwrap();
+    let (_, arena) = setup.arena().unwrap();
+    let team = TrainedTeam::open_on(&place.path("run"), None, setup).unwrap();
+    team.check(&arena, smaclite_engine::Faction::Ally).unwrap();
+    let mut battle = smaclite_engine::Battle::new(Arc::new(arena), 1);
+    battle.reset();
+    let actions = team.act(&battle, smaclite_engine::Faction::Ally, std::iter::empty(), 1, 0);
+    battle.check(&actions).unwrap();
+}
+
+#[test]
+fn what_is_for_one_map_is_refused() {
+    let place = Place::new();
+    place.train("flat", &small(), 1);
+    let error = play(&place, "flat", "8m", 2).unwrap_err();
+    assert!(error.starts_with("the team was trained in `3m` and plays that alone"), "{error}");
+    let setups = setups(&["3m", "8m"]);
+    let refuse = |config: Config| {
+        let maps = setups.iter().cloned().zip(lanes(&place, &setups, &config, 1)).collect();
+        Run::begin_on_maps(&place.path("new"), config, maps, 1).err().unwrap().to_string()
+    };
+    let error = refuse(small());
+    assert_eq!(error, "network must be `universal` with several maps, got `flat`");
+    let error = refuse(universal(evaluated()));
+    assert!(error.starts_with("evaluate_every must be 0 with several maps"), "{error}");
+    let enemies = smaclite_learn::Enemies::SelfPlay(SelfPlay::LEAGUE);
+    let error = refuse(universal(Config { enemies, ..small() }));
+    assert!(error.starts_with("network must be `flat` or `units` where a team plays"), "{error}");
+}
