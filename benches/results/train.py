@@ -22,7 +22,7 @@ EVALUATE_EVERY = 100_000
 
 GROUPS: dict[str, dict[str, list[str]]] = {
     "default": {scenario: [] for scenario in sp.scenarios(generated=False)},
-    "generated": {scenario: [] for scenario in sp.scenarios(generated=True)},
+    "generated": {scenario: ["--network", "flat"] for scenario in sp.scenarios(generated=True)},
     "open-loop": {f"{race}_5_vs_5": [] for race in ("protoss", "terran", "zerg")},
     "other-critic": {
         scenario: ["--algorithm", "ippo" if data.sees_state(scenario) else "mappo"]

@@ -53,18 +53,49 @@ def test_a_team_plays_as_the_program_plays_it(folder: Path, greedy: bool) -> Non
         assert abs(ours.mean_return - result["mean_return"]) < 5 * error
 
 
+def program(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    argv = [sys.executable, "-m", "smaclite_pool", *map(str, arguments)]
+    return subprocess.run(argv, capture_output=True, text=True, check=False)
+
+
 @pytest.mark.parametrize("scenario", ["MMM", "terran_5_vs_5"])
 def test_a_team_over_units_plays_as_the_program_plays_it(tmp_path: Path, scenario: str) -> None:
     """With a healer among the agents, known by its type, which in one of the scenarios is drawn."""
     options: dict[str, Any] = {"network": "units", "actor_lr": 0.01, "steps": 5000, **SMALL}
     team = sp.train(scenario, tmp_path / "run", seed=1, **options)
+    check_greedy(team, scenario, tmp_path / "run")
+
+
+def test_a_team_of_several_maps_plays_others_as_the_program_does(tmp_path: Path) -> None:
+    """Also a scenario of the user's, with a unit type that no other map has."""
+    options = ["--steps", "5000", "--actor-lr", "0.01", "--num-envs", "16", "--horizon", "32"]
+    done = program("train", "--maps", "2s3z,MMM", *options, "--out", tmp_path / "run")
+    assert done.returncode == 0 and done.stdout.startswith("2 maps: "), done.stdout + done.stderr
+    own = json.loads((Path(__file__).parents[2] / "scenarios/data/3m.json").read_text())
+    units = json.loads((Path(__file__).parents[2] / "units/data/MARINE.json").read_text())
+    (tmp_path / "GUARD.json").write_text(json.dumps({**units, "attack_range": 7, "hp": 70}))
+    own["custom_unit_path"] = "."
+    own["groups"][0]["units"] = {"GUARD": 3}
+    (tmp_path / "own.json").write_text(json.dumps(own))
+    for scenario in ("MMM", "zerg_5_vs_5", str(tmp_path / "own.json")):
+        check_greedy(
+            sp.load_team(tmp_path / "run", map=scenario), scenario, tmp_path / "run", "--map", scenario
+        )
+
+
+def test_a_team_of_one_map_plays_no_other(folder: Path) -> None:
+    expected = "the team was trained in `3m` and plays that alone"
+    with pytest.raises(sp.InvalidRequest, match=expected):
+        sp.load_team(folder, map="8m")
+    done = program("evaluate", folder, "--map", "8m")
+    assert done.returncode == 1 and expected in done.stderr
+
+
+def check_greedy(team: sp.Team, scenario: str, folder: Path, *options: str) -> None:
     team.greedy = True
     with sp.make(scenario, num_envs=32, **team.settings) as envs:
         ours = sp.evaluate(envs, team, episodes=32, seed=5)
-    argv = [sys.executable, "-m", "smaclite_pool", "evaluate", str(tmp_path / "run"), "--episodes=32"]
-    done = subprocess.run(
-        [*argv, "--seed=5", "--greedy", "--json"], capture_output=True, text=True, check=True
-    )
+    done = program("evaluate", folder, "--episodes=32", "--seed=5", "--greedy", "--json", *options)
     result = json.loads(done.stdout.splitlines()[-1])
     assert ours.mean_return == pytest.approx(result["mean_return"], abs=1e-4)
     assert ours.win_rate == result["win_rate"] and ours.mean_length == result["mean_length"]
@@ -74,7 +105,7 @@ def test_a_network_that_is_unknown_is_an_error(tmp_path: Path) -> None:
     shutil.copytree(Path(__file__).parents[2] / "bindings/learn/zoo/3m", tmp_path / "run")
     text = (tmp_path / "run/run.json").read_text()
     (tmp_path / "run/run.json").write_text(text.replace('"hidden"', '"network": "graph", "hidden"'))
-    expected = r'run\.json.*`network` must be "flat" or "units", got "graph"'
+    expected = r'run\.json.*`network` must be "flat", "units" or "universal", got "graph"'
     with pytest.raises(sp.InvalidRequest, match=expected):
         sp.load_team(tmp_path / "run")
 

@@ -90,7 +90,9 @@ impl<'de> Deserialize<'de> for NetworkKind {
         let found = NetworkKind::ALL.into_iter().find(|kind| value.as_str() == Some(kind.name()));
         found.ok_or_else(|| {
             let given = shortened(&value.to_string());
-            serde::de::Error::custom(format!("`network` must be \"flat\", \"units\" or \"universal\", got {given}"))
+            serde::de::Error::custom(format!(
+                "`network` must be \"flat\", \"units\" or \"universal\", got {given}"
+            ))
         })
     }
 }
@@ -292,7 +294,12 @@ impl Config {
     pub(crate) fn check_maps(&self, count: usize) -> Result<(), ConfigError> {
         ensure((1..=self.num_envs).contains(&count), "maps", "between 1 and num_envs", &count)?;
         let is_universal = count == 1 || self.network == NetworkKind::Universal;
-        ensure(is_universal, "network", "`universal` with several maps", &format!("`{}`", self.network.name()))?;
+        ensure(
+            is_universal,
+            "network",
+            "`universal` with several maps",
+            &format!("`{}`", self.network.name()),
+        )?;
         let every = self.evaluate_every.filter(|_| count > 1);
         let accepted = "0 with several maps; evaluate the team on each when the run is complete";
         ensure(every.is_none(), "evaluate_every", accepted, &every.unwrap_or_default())
@@ -315,7 +322,9 @@ impl Config {
         count("minibatches", self.minibatches, "between 1 and 1000", 1000)?;
         let (layers, accepted) = match self.network {
             NetworkKind::Flat => (1..=8, "1 to 8 widths between 2 and 4096"),
-            NetworkKind::Units | NetworkKind::Universal => (2..=2, "2 widths between 2 and 4096 for networks over units"),
+            NetworkKind::Units | NetworkKind::Universal => {
+                (2..=2, "2 widths between 2 and 4096 for networks over units")
+            }
         };
         let scripts = self.network != NetworkKind::Universal || self.enemies.are_scripts();
         ensure(scripts, "network", "`flat` or `units` where a team plays the enemies", &"`universal`")?;

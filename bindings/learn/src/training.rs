@@ -73,7 +73,11 @@ impl MapOfRun {
             rollout: Rollout::new(&of_map, lanes.sizes()),
             collector: Collector::default(),
             on_scenario: OnScenario::new(config, lanes.inputs()),
-            seed: if number == 0 { config.seed } else { seed(config.seed, Purpose::Maps, [number as u64, 0]) },
+            seed: if number == 0 {
+                config.seed
+            } else {
+                seed(config.seed, Purpose::Maps, [number as u64, 0])
+            },
             lanes,
         })
     }

@@ -42,7 +42,8 @@ impl InputMaps {
     pub fn new(scenario: &Scenario, last_actions: usize) -> Result<[InputMaps; 2], ConfigError> {
         let maps = InputMaps::find(scenario, last_actions);
         maps.map_err(|why| {
-            let accepted = "`flat` or `units` where observations or actions are not those of the standard maps";
+            let accepted =
+                "`flat` or `units` where observations or actions are not those of the standard maps";
             ensure(false, "network", accepted, &format!("`{}`: {why}", NetworkKind::Universal.name()))
                 .expect_err("it does not hold")
         })
@@ -184,7 +185,8 @@ impl Specialisation {
                 parts.push(Part::Rows { from: both(&all), to, map: map.clone() });
             }
         }
-        let is_map = |name: &str| maps.iter().any(|(layer, _)| name.rsplit_once('.').map(|(l, _)| l) == Some(*layer));
+        let is_map =
+            |name: &str| maps.iter().any(|(layer, _)| name.rsplit_once('.').map(|(l, _)| l) == Some(*layer));
         for tensor in of_scenario.iter().filter(|tensor| !is_map(&tensor.name)) {
             let from = range(&all, &tensor.name);
             assert_eq!(from.len(), tensor.range.len(), "{} is the same on all maps", tensor.name);
@@ -213,7 +215,9 @@ impl Specialisation {
     pub fn take_back(&self, special: &[f32], universal: &mut [f32]) {
         for part in &self.parts {
             match part {
-                Part::Copy { from, to } => crate::math::add(&mut universal[from.clone()], &special[to.clone()]),
+                Part::Copy { from, to } => {
+                    crate::math::add(&mut universal[from.clone()], &special[to.clone()])
+                }
                 Part::Rows { from, to, map } => {
                     let [weight, bias] = to.each_ref().map(|range| &special[range.clone()]);
                     map.backward(weight, bias, universal, from);

@@ -35,8 +35,16 @@ fn check_acts_alike(map: &str, network: NetworkKind) {
     let folder = tempfile::tempdir().unwrap();
     let (path, runtime_dir) = team(&folder, map, network);
     let (opponents, opponent_team, weights) = (None, None, None);
-    let evaluation =
-        Evaluation { episodes: 1, seed: 5, weights, greedy: false, threads: 1, opponents, opponent_team, map: None };
+    let evaluation = Evaluation {
+        episodes: 1,
+        seed: 5,
+        weights,
+        greedy: false,
+        threads: 1,
+        opponents,
+        opponent_team,
+        map: None,
+    };
     let mut expected: Vec<Vec<i32>> = Vec::new();
     let mut note = |event: EvaluationEvent| {
         if let EvaluationEvent::Step { actions, .. } = event {

@@ -47,7 +47,8 @@ def train(
         on_update: called with the record of every update, the columns of `log.csv`; by default a line with
             steps, return and win rate is printed every two seconds, and at the end.
         options: other options of the program, such as `num_envs=128`, `hidden=[32, 32]` or `zero_sum=True`;
-            but not `seeds` or `resume`, which do not train one new team, or `json`, which is always given.
+            but not `seeds`, `resume` or `maps`, which do not train one new team on one map, or `json`, which
+            is always given.
 
     Ctrl-C, or another exception, as one of `on_update`, ends the training after its last update, which is
     saved, and passes on: `smaclite-pool train --resume OUT` continues it.
@@ -55,10 +56,10 @@ def train(
     Raises InvalidRequest with the program's message if it fails, and PoolError if the program was ended by a
     signal.
     """
-    refused = [name for name in options if name in {"seeds", "resume", "json"}]
+    refused = [name for name in options if name in {"seeds", "resume", "json", "maps"}]
     if refused:
         raise InvalidRequest(
-            f"`{refused[0]}` is no option of `train`, which trains one new team: run "
+            f"`{refused[0]}` is no option of `train`, which trains one new team on one map: run "
             f"`smaclite-pool train --{refused[0]}`"
         )
     given = {"out": fspath(out), "seed": seed, "opponent": opponent_text(opponent), "steps": steps, **options}

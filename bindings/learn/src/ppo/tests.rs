@@ -82,7 +82,8 @@ fn the_number_of_threads_changes_no_bit() {
     let rollout = play(&first, &config, 0);
     let train = |threads| {
         let mut team = first.clone();
-        let stats = Ppo::new(threads).update(&mut team, played(&rollout), &config, 0, 0, &mut || false).unwrap();
+        let stats =
+            Ppo::new(threads).update(&mut team, played(&rollout), &config, 0, 0, &mut || false).unwrap();
         (team, stats)
     };
     assert_eq!(train(1), train(5));

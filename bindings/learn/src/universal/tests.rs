@@ -1,6 +1,6 @@
 use super::*;
-use crate::architecture::{Inputs, Workspace};
 use crate::architecture::Architecture;
+use crate::architecture::{Inputs, Workspace};
 use crate::config::{Algorithm, Config};
 use crate::random::{Purpose, generator, uniform};
 use crate::team::{OnScenario, Team, agent_ids};

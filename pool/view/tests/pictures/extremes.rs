@@ -122,7 +122,8 @@ fn moments_that_no_battle_has() {
     let renderer = Renderer::new(&scenario, Options { show_range: true, ..size(64, 64) }).unwrap();
     let attacks = |kind| vec![Attack { by: 0, on: 99, kind }, Attack { by: u32::MAX, on: 0, kind }];
     assert_eq!(renderer.render(&Moment::default()), renderer.render_recent(&[]), "a moment without units");
-    let unknown = renderer.render(&Moment { attacks: attacks(AttackKind::Shot { flight: 0 }), ..whole.clone() });
+    let unknown =
+        renderer.render(&Moment { attacks: attacks(AttackKind::Shot { flight: 0 }), ..whole.clone() });
     assert_eq!(unknown, renderer.render(&whole), "attacks by and on units that do not exist");
     let enemy = whole.units.len() - 1;
     let enemy_at = renderer.pixel_of(whole.units[enemy].pos);

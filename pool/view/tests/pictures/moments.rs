@@ -112,9 +112,8 @@ fn attacks_with_phases_explain_the_losses() {
     for name in ["3m", "2m_vs_1z"] {
         let scenario = standard(name);
         let moments = play_by(Rules::Starcraft, &scenario, 60);
-        let struck = |tick: usize, unit: usize| {
-            moments[tick].attacks.iter().any(|attack| attack.on as usize == unit)
-        };
+        let struck =
+            |tick: usize, unit: usize| moments[tick].attacks.iter().any(|attack| attack.on as usize == unit);
         let mut n_losses = 0;
         for (tick, pair) in moments.windows(2).enumerate() {
             for (unit, (old, new)) in pair[0].units.iter().zip(&pair[1].units).enumerate() {
