@@ -81,6 +81,12 @@ def test_a_team_of_several_maps_plays_others_as_the_program_does(tmp_path: Path)
         check_greedy(
             sp.load_team(tmp_path / "run", map=scenario), scenario, tmp_path / "run", "--map", scenario
         )
+    # As a team of one map, which plays wherever a folder does.
+    adapted = tmp_path / "on-MMM"
+    assert program("adapt", tmp_path / "run", "MMM", "--out", adapted).returncode == 0
+    check_greedy(sp.load_team(adapted), "MMM", tmp_path / "run", "--map", "MMM")
+    done = program("adapt", tmp_path / "run", "MMM", "--out", adapted)
+    assert done.returncode == 1 and "already holds a run" in done.stderr
 
 
 def test_a_team_of_one_map_plays_no_other(folder: Path) -> None:

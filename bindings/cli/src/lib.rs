@@ -10,6 +10,7 @@ macro_rules! out {
     }};
 }
 
+mod adapt;
 pub mod bench;
 mod check;
 mod clean;
@@ -99,6 +100,8 @@ enum Command {
     Train(Box<train::Train>),
     /// Play a trained team: win rate and return
     Evaluate(evaluate::Evaluate),
+    /// Write a team that plays every map as a team of one map
+    Adapt(adapt::Adapt),
     /// Play the recorded evaluations of a run again, and compare every number
     VerifyRun(verify_run::VerifyRun),
     /// Compare runs of several seeds and algorithms: curves, intervals, tables, metrics.json
@@ -191,6 +194,7 @@ impl Command {
             Command::Replay(replay) => replay.run(),
             Command::Train(train) => train.run(),
             Command::Evaluate(evaluate) => evaluate.run(),
+            Command::Adapt(adapt) => adapt.run(),
             Command::VerifyRun(verify_run) => verify_run.run(),
             Command::Report(report) => report.run(),
             Command::Zoo(zoo) => zoo.run(),

@@ -29,6 +29,7 @@
 
 mod actor;
 mod adam;
+mod adapt;
 mod architecture;
 mod checkpoint;
 mod collect;
@@ -73,6 +74,7 @@ mod zoo;
 mod zoo_cards;
 mod zoo_folders;
 
+pub use adapt::adapt_team;
 pub use config::{
     Activation, Algorithm, Config, ConfigError, Enemies, NetworkKind, STATE_CRITIC_AGENTS, SelfPlay,
     TEAM_ENTROPY, UnknownKeyword,

@@ -1,5 +1,6 @@
 //! Teams of the zoo where the folder of a run is expected: refused, or written as one.
 
+use crate::description::OtherMap;
 use crate::tensors::{FileError, write};
 use crate::zoo::{PREFIX, folder, zoo_file, zoo_scenarios};
 use std::path::{Path, PathBuf};
@@ -32,7 +33,7 @@ pub fn export_zoo_team(scenario: &str, to: &Path) -> Result<(), ExportError> {
     Ok(())
 }
 
-/// Why a team of the zoo cannot be exported.
+/// Why a team cannot be written to a folder.
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // the messages say it
 pub enum ExportError {
@@ -40,4 +41,6 @@ pub enum ExportError {
     HoldsRun { folder: PathBuf },
     #[error(transparent)]
     File(#[from] FileError),
+    #[error(transparent)]
+    Map(#[from] OtherMap),
 }

@@ -22,6 +22,9 @@ impl<'de> Deserialize<'de> for NetworkKind {
         match value.as_str() {
             Some("flat") => Ok(NetworkKind::Flat),
             Some("units") => Ok(NetworkKind::Units),
+            Some("universal") => Err(serde::de::Error::custom(
+                "the page plays teams of one map: write one with `smaclite-pool adapt FOLDER MAP --out OTHER`",
+            )),
             _ => {
                 Err(serde::de::Error::custom(format!("`network` must be \"flat\" or \"units\", got {value}")))
             }

@@ -1,0 +1,33 @@
+//! A team whose networks fit every scenario, written as one of a single map: for whatever plays a folder.
+
+use crate::checkpoint::write_actor;
+use crate::config::{Config, NetworkKind};
+use crate::description::{RunDescription, WEIGHTS, Weights, read_team_of, write_description};
+use crate::tensors::FileError;
+use crate::zoo_folders::ExportError;
+use smaclite_engine::BattleSetup;
+use std::path::Path;
+
+/// Writes the team in the folder `from` to the folder `to`, which must not hold a run, as a team with networks
+/// over units that plays this map. It plays as the team does; it has no checkpoint.
+///
+/// # Errors
+/// If `from` has no such team, or it does not play the map; if `to` holds a run or cannot be written.
+pub fn adapt_team(
+    from: &Path,
+    weights: Option<Weights>,
+    map: BattleSetup,
+    to: &Path,
+) -> Result<(), ExportError> {
+    let run = RunDescription::read(from)?.on(map)?;
+    let (run, _, actor) = read_team_of(from, run, weights)?;
+    if to.join("run.json").exists() {
+        return Err(ExportError::HoldsRun { folder: to.to_owned() });
+    }
+    std::fs::create_dir_all(to).map_err(|source| FileError::Write { path: to.to_owned(), source })?;
+    write_actor(&to.join(WEIGHTS), &actor)?;
+    // Nothing was trained on this map, and evaluations are those of the run.
+    let config = Config { network: NetworkKind::Units, evaluate_every: None, ..run.config };
+    // The description last: a folder without it is not a run.
+    Ok(write_description(to, &config, &run.setup, &[])?)
+}
