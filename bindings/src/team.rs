@@ -35,7 +35,7 @@ struct Layouts<'a> {
 /// is to play instead of its own, for networks that fit every scenario.
 ///
 /// Raises:
-///     InvalidRequest: there is no such team, or its files are damaged.
+///     InvalidRequest: there is no such team, its files are damaged, or it does not play that map.
 #[pyfunction]
 #[pyo3(signature = (folder, weights=None, map=None))]
 pub fn read_team<'py>(

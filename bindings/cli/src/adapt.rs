@@ -8,11 +8,12 @@ use std::path::PathBuf;
 
 #[derive(Args)]
 #[command(after_help = "\
-The folder plays wherever that of a run does: in the playground, in `play` and tournaments, as an
-opponent. It has no checkpoint, so its training cannot be continued:
+The folder plays wherever that of a run does: in the playground, in `play`, and on maps whose two
+sides are equal in tournaments and as an opponent. It has no checkpoint, so its training cannot be
+continued:
   smaclite-pool train --maps 3m,8m,2s3z,MMM --out runs/four
-  smaclite-pool adapt runs/four 5m_vs_6m --out runs/four-on-5m_vs_6m
-  smaclite-pool tournament runs/four-on-5m_vs_6m kite")]
+  smaclite-pool adapt runs/four 3s5z --out runs/four-on-3s5z
+  smaclite-pool tournament runs/four-on-3s5z kite")]
 pub(super) struct Adapt {
     /// Folder of a run of `train --maps` or `train --network universal`
     folder: PathBuf,

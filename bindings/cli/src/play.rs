@@ -50,7 +50,7 @@ impl Play {
         let page = match self.against {
             OpponentOption::Scripts(opponents) => Page::new(BattleSetup { opponents, ..setup }, self.seed)?,
             OpponentOption::Team(folder) => {
-                let team = TrainedTeam::open(&folder)?;
+                let team = TrainedTeam::open_for(&folder, &setup)?;
                 Page::against_team(setup, team, folder.display().to_string(), self.seed)?
             }
             OpponentOption::OwnTeam | OpponentOption::League => {

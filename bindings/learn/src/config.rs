@@ -291,7 +291,7 @@ impl Config {
     ///
     /// # Errors
     /// If there is none, or if there are several, and the networks or the evaluations are those of one.
-    pub(crate) fn check_maps(&self, count: usize) -> Result<(), ConfigError> {
+    pub fn check_maps(&self, count: usize) -> Result<(), ConfigError> {
         ensure((1..=self.num_envs).contains(&count), "maps", "between 1 and num_envs", &count)?;
         let is_universal = count == 1 || self.network == NetworkKind::Universal;
         ensure(
@@ -301,7 +301,7 @@ impl Config {
             &format!("`{}`", self.network.name()),
         )?;
         let every = self.evaluate_every.filter(|_| count > 1);
-        let accepted = "0 with several maps; evaluate the team on each when the run is complete";
+        let accepted = "left out with several maps: evaluate the team on each when the run is complete";
         ensure(every.is_none(), "evaluate_every", accepted, &every.unwrap_or_default())
     }
 
@@ -371,6 +371,13 @@ impl Config {
     pub fn annealed(&self, begin: f64, end: f64, steps: u64) -> f64 {
         let share = (steps as f64 / self.steps as f64).min(1.0);
         begin + (end - begin) * share
+    }
+}
+
+impl ConfigError {
+    /// With a longer text of what was given.
+    pub(crate) fn new(name: &'static str, accepted: &'static str, given: String) -> ConfigError {
+        ConfigError { name, accepted, given }
     }
 }
 

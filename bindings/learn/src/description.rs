@@ -73,6 +73,7 @@ impl RunDescription {
         file.config.check().map_err(|error| damaged(&error))?;
         let mut run = RunDescription::new(file.config, file.setup).map_err(|error| damaged(&error))?;
         run.other_maps = file.other_maps;
+        run.config.check_maps(1 + run.other_maps.len()).map_err(|error| damaged(&error))?;
         run.inputs.check(&run.config).map_err(|error| damaged(&error))?;
         Ok(run)
     }
@@ -123,7 +124,7 @@ pub enum OtherMap {
     /// Its networks are those of one scenario.
     #[error(
         "the team was trained in `{0}` and plays that alone; a team that plays other maps is one of \
-         `train --network universal`"
+         `train --network universal` or `--maps`"
     )]
     NotUniversal(String),
     /// Its networks do not know the observations.
@@ -132,6 +133,9 @@ pub enum OtherMap {
     /// The scenario is not valid.
     #[error(transparent)]
     Scenario(#[from] Problems),
+    /// There is no such team, or its files are damaged.
+    #[error(transparent)]
+    File(#[from] FileError),
 }
 
 /// Which weights of a run play.
@@ -223,7 +227,14 @@ where
 {
     let (run, _, actor) = read_team(folder, None)?;
     lanes.check_rival(folder, run.sizes)?;
-    Ok(actor)
+    if run.config.network != NetworkKind::Universal {
+        return Ok(actor);
+    }
+    // Both sides of the lanes have the same units, which may be others than those of its training.
+    let stored = read_actor(&folder.join(Weights::of(folder, &run).file_name()), run.actor())?;
+    let here = RunDescription { inputs: lanes.inputs().clone(), ..run };
+    here.inputs.check(&here.config).map_err(LaneError::from)?;
+    Ok(here.playing(stored))
 }
 
 /// Copies what [`read_rival`] reads.

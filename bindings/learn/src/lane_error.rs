@@ -1,5 +1,6 @@
 //! Why a team cannot play on lanes.
 
+use crate::config::ConfigError;
 use smaclite_ipc::{ClientError, ConnectError, StartError};
 use smaclite_scenarios::Problems;
 
@@ -27,6 +28,10 @@ pub enum LaneError {
     TooLarge { lane: String, n_agents: usize, n_actions: usize },
     #[error("the lanes have {given} environments, but the run has {expected}")]
     NumEnvs { given: usize, expected: usize },
+    #[error("the run has {expected} maps, but lanes were given for {given}")]
+    Maps { given: usize, expected: usize },
+    #[error("the maps have {given:?} environments, but those of the checkpoint {expected:?}")]
+    EnvsOfMaps { given: Vec<usize>, expected: Vec<usize> },
     #[error(
         "lane `{lane}` appends {given} last actions to observations, but the run has {expected}; serve it \
          with --obs-last-actions {expected}"
@@ -48,6 +53,8 @@ pub enum LaneError {
     OtherTeam { folder: String, given: String, scenario: String, last_actions: usize, expected: String },
     #[error("lane `{lane}` plays sides `{given}`, but the run needs `{expected}`")]
     Sides { lane: String, given: &'static str, expected: &'static str },
+    #[error(transparent)]
+    Config(#[from] ConfigError),
     #[error("scenario: {0}")]
     Scenario(#[from] Problems),
     #[error(transparent)]

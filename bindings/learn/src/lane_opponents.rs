@@ -1,9 +1,9 @@
 //! Who plays the enemies of a lane, as its users name it: scripts, a trained team, or both in turn.
 
 use crate::actor::{Actor, Draw, Rows};
+use crate::description::OtherMap;
 use crate::policy::Choice;
 use crate::random::Purpose;
-use crate::tensors::FileError;
 use crate::trained_team::{TrainedTeam, UnfitTeam};
 use crate::zoo::{names_team, zoo_hint};
 use smaclite_engine::{BattleSetup, Faction, Opponent, Opponents, OpponentsError, Sides};
@@ -58,7 +58,7 @@ pub enum LaneOpponentsError {
     #[error("opponent `{0}`: {1}")]
     Unfit(String, UnfitTeam),
     #[error(transparent)]
-    File(#[from] FileError),
+    Team(#[from] OtherMap),
     #[error(transparent)]
     Scenario(#[from] Problems),
 }
@@ -130,7 +130,7 @@ impl LaneOpponents {
         self.check(setup.sides)?;
         let LaneOpponents { of_battles: opponents, team } = self;
         let Some(name) = team else { return Ok((BattleSetup { opponents, ..setup }, None)) };
-        let team = TrainedTeam::open(Path::new(&name))?;
+        let team = TrainedTeam::open_for(Path::new(&name), &setup)?;
         if setup.files.scenario()?.smacv2.is_some() {
             return Err(LaneOpponentsError::Smacv2(name));
         }

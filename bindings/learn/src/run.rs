@@ -2,7 +2,7 @@
 //!
 //! | file | contents |
 //! | --- | --- |
-//! | `run.json` | release, hyperparameters, and the scenario with its rules and limit |
+//! | `run.json` | release, hyperparameters, and the scenario with its rules and limit, or those of all maps |
 //! | `weights.safetensors` | the weights of actor and critic |
 //! | `checkpoint.safetensors` | what the run is resumed from |
 //! | `log.csv`, `events.out.tfevents.*` | one row or event per update |
@@ -198,6 +198,10 @@ impl Run {
         let mut description = RunDescription::read(folder)?;
         description.config.steps = steps.unwrap_or(description.config.steps);
         let RunDescription { config, setup, other_maps, .. } = description.clone();
+        let (given, expected) = (lanes.len(), 1 + other_maps.len());
+        if given != expected {
+            return Err(LaneError::Maps { given, expected }.into());
+        }
         let actor = description.actor();
         let mut read_rival = |number| match number {
             0 => read_team(&folder.join(OPPONENT), Some(Weights::Last)).map(|(_, _, network)| network),

@@ -2,8 +2,8 @@
 
 use crate::actor::{Actor, Draw, Rows};
 use crate::architecture::Workspace;
-use crate::description::{RunDescription, Weights, read_team, read_team_of};
-use crate::evaluate::EvaluateError;
+use crate::config::NetworkKind;
+use crate::description::{OtherMap, RunDescription, Weights, read_team, read_team_of};
 use crate::lanes::sizes_with_history;
 use crate::linear::Tensor;
 use crate::policy::Choice;
@@ -77,10 +77,22 @@ impl TrainedTeam {
         folder: &Path,
         weights: Option<Weights>,
         map: BattleSetup,
-    ) -> Result<TrainedTeam, EvaluateError> {
+    ) -> Result<TrainedTeam, OtherMap> {
         let run = RunDescription::read(folder)?.on(map)?;
         let (run, _, network) = read_team_of(folder, run, weights)?;
         Ok(TrainedTeam { run, network })
+    }
+
+    /// The team as it plays these battles: on them if its networks fit every scenario, else on its own map,
+    /// which [`check`](Self::check) compares.
+    ///
+    /// # Errors
+    /// As [`open_on`](Self::open_on).
+    pub fn open_for(folder: &Path, battles: &BattleSetup) -> Result<TrainedTeam, OtherMap> {
+        match RunDescription::read(folder)?.config.network {
+            NetworkKind::Universal => TrainedTeam::open_on(folder, None, battles.clone()),
+            NetworkKind::Flat | NetworkKind::Units => Ok(TrainedTeam::open(folder)?),
+        }
     }
 
     /// The run that it is of.

@@ -8,7 +8,7 @@ use crate::collect::{Collector, Draws};
 use crate::config::{Config, ConfigError, Enemies};
 use crate::cpu_timer::CpuTimer;
 use crate::lane_error::LaneError;
-use crate::lanes::Lanes;
+use crate::lanes::{Lanes, SavedEnvs};
 use crate::league::{League, Rival};
 use crate::ppo::{Diverged, Played, Ppo, UpdateError, UpdateStats};
 use crate::random::{Purpose, generator, seed};
@@ -163,7 +163,7 @@ impl Record {
 }
 
 impl Training {
-    /// Begins a run on the lanes of each map; the first network is built for the first. `rival` plays the enemies if those are a trained team's.
+    /// Begins a run on the lanes of each of its maps. `rival` plays the enemies if those are a trained team's.
     pub fn new(
         config: Config,
         lanes: Vec<Lanes>,
@@ -195,7 +195,13 @@ impl Training {
         let maps = Training::maps(&config, lanes)?;
         let mut training = Training { config, maps, state, ppo: Ppo::new(threads) };
         let Training { maps, state, .. } = &mut training;
+        let counts = |envs: &[SavedEnvs]| envs.iter().map(|envs| envs.over.len()).collect::<Vec<_>>();
+        let num_envs: Vec<usize> = maps.iter().map(|map| map.lanes.num_envs()).collect();
         match &state.envs {
+            Some(envs) if counts(envs) != num_envs => {
+                let (given, expected) = (num_envs, counts(envs));
+                return Err(LaneError::EnvsOfMaps { given, expected }.into());
+            }
             Some(envs) => {
                 for (map, envs) in maps.iter_mut().zip(envs) {
                     map.lanes.restore(envs).map_err(TrainError::NotRestored)?;
@@ -261,7 +267,7 @@ impl Training {
         let saved = maps.iter_mut().map(|map| map.lanes.save(&mut || false));
         state.envs = saved.collect::<Result<Option<Vec<_>>, _>>()?;
         let rollouts = || maps.iter().map(|map| &map.rollout);
-        state.recent.extend(rollouts().flat_map(|rollout| &rollout.episodes));
+        state.recent.extend(in_turn(rollouts().map(|rollout| &rollout.episodes[..])));
         state.recent.drain(..state.recent.len().saturating_sub(RECENT));
         state.progress.updates += 1;
         state.league = league;
@@ -333,6 +339,16 @@ impl Training {
     }
 }
 
+/// The episodes of all maps, as they would have ended if the maps had been played at once: the newest of a run
+/// are those of all its maps.
+fn in_turn<'a>(maps: impl Iterator<Item = &'a [Ended]>) -> impl Iterator<Item = Ended> {
+    let when = |(i, ended): (usize, &Ended), count: usize| ((i as f64 + 0.5) / count as f64, *ended);
+    let of_map = |ended: &'a [Ended]| ended.iter().enumerate().map(move |each| when(each, ended.len()));
+    let mut all: Vec<(f64, Ended)> = maps.flat_map(of_map).collect();
+    all.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+    all.into_iter().map(|(_, ended)| ended)
+}
+
 fn won(ended: &Ended) -> f64 {
     f64::from(u8::from(ended.episode.won))
 }
@@ -341,4 +357,24 @@ fn won(ended: &Ended) -> f64 {
 fn win_rate(recent: &[Ended], against: Against) -> f64 {
     let of_kind = || recent.iter().filter(|ended| ended.against == against);
     of_kind().map(won).sum::<f64>() / of_kind().count() as f64
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rollout::Episode;
+
+    #[test]
+    fn the_newest_episodes_are_those_of_all_maps() {
+        let of_map = |length, count| {
+            let episode = Episode { episode_return: 0.0, length, won: false };
+            vec![Ended { episode, against: Against::Script }; count]
+        };
+        let maps = [of_map(1, 300), of_map(2, 100), of_map(3, 1)];
+        let all: Vec<i32> = in_turn(maps.iter().map(|ended| &ended[..])).map(|e| e.episode.length).collect();
+        assert_eq!(all.len(), 401);
+        let counts = |lengths: &[i32]| [1, 2, 3].map(|map| lengths.iter().filter(|l| **l == map).count());
+        assert_eq!(counts(&all[all.len() - RECENT..]), [150, 50, 0]);
+        assert_eq!(counts(&all[..RECENT + 1]), [150, 50, 1]);
+    }
 }

@@ -3,7 +3,7 @@
 //! The rows of units differ between scenarios in what they say of a unit's type (`type_2` is another type on
 //! every map), in whether they have a shield, and in the number of last actions. A universal network reads
 //! rows of one form: every feature that a scenario may have, and, in place of the number of the type, its
-//! [`figures`]; of a last action only whether it had a target.
+//! *figures*; of a last action only whether it had a target.
 //!
 //! A row u of that form follows from the row x of a scenario by u = M x + m: M copies features and gives each
 //! type its figures, and m are those of a type that observations do not name, because it is the only one. So
@@ -18,7 +18,7 @@
 
 mod form;
 
-use crate::config::{Activation, ConfigError, NetworkKind, ensure};
+use crate::config::{Activation, ConfigError, NetworkKind};
 use crate::linear::Tensor;
 use crate::units_network::UnitsNetwork;
 use form::{Form, RowMap};
@@ -40,18 +40,16 @@ impl InputMaps {
     /// # Errors
     /// If the scenario's observations do not have the features, or not the actions, that all have.
     pub fn new(scenario: &Scenario, last_actions: usize) -> Result<[InputMaps; 2], ConfigError> {
-        let maps = InputMaps::find(scenario, last_actions);
-        maps.map_err(|why| {
-            let accepted =
-                "`flat` or `units` where observations or actions are not those of the standard maps";
-            ensure(false, "network", accepted, &format!("`{}`: {why}", NetworkKind::Universal.name()))
-                .expect_err("it does not hold")
+        InputMaps::find(scenario, last_actions).map_err(|why| {
+            let accepted = "`flat` or `units` where not all is as on the standard maps";
+            ConfigError::new("network", accepted, format!("`{}`: {why}", NetworkKind::Universal.name()))
         })
     }
 
     fn find(scenario: &Scenario, last_actions: usize) -> Result<[InputMaps; 2], String> {
-        if TargetLayout::new(scenario).is_none_or(|targets| targets.first != form::FIRST_TARGET) {
-            return Err("agents of this scenario look".into());
+        let targets = TargetLayout::new(scenario).ok_or("observations have no units")?;
+        if targets.first != form::FIRST_TARGET {
+            return Err("agents have actions to look".into());
         }
         let [obs, state] = forms(last_actions);
         let of_obs = obs.maps(scenario, &obs_features(scenario))?;
@@ -181,8 +179,10 @@ impl Specialisation {
                 ["weight", "bias"].map(|part| range(tensors, &format!("{layer}.{part}")))
             };
             let to = both(&of_scenario);
+            let from = both(&all);
             if !to[1].is_empty() {
-                parts.push(Part::Rows { from: both(&all), to, map: map.clone() });
+                map.check([&from, &to].map(|[weight, bias]| (weight.len(), bias.len())));
+                parts.push(Part::Rows { from, to, map: map.clone() });
             }
         }
         let is_map =

@@ -37,7 +37,7 @@ pub fn export_zoo_team(scenario: &str, to: &Path) -> Result<(), ExportError> {
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // the messages say it
 pub enum ExportError {
-    #[error("`{}` already holds a run; export to another folder", folder.display())]
+    #[error("`{}` already holds a run; choose another folder", folder.display())]
     HoldsRun { folder: PathBuf },
     #[error(transparent)]
     File(#[from] FileError),

@@ -178,7 +178,6 @@ def load_team(
         greedy: take the most probable actions, instead of drawing them.
         seed: of the generator that draws them; None for a random one, which `Team.seed` has.
         side: which units it plays: `"allies"`, or `"enemies"`, from `enemy_obs` and `enemy_avail_actions`.
-
         map: the scenario that it plays instead of that of its training, a name or a file. Its networks must
             be `universal` (`train --network universal` or `--maps`).
 

@@ -40,9 +40,9 @@ pub(super) struct Train {
     #[arg(value_name = "MAP", required_unless_present_any = ["resume", "pool", "maps"],
         add = completions::scenario())]
     map: Option<String>,
-    /// Train one team on several maps at once, with --network universal: their names or files, separated by
-    /// commas; `all` are those of SMAC, `generated` those with drawn teams. The environments are divided
-    /// among them
+    /// Train one team on several maps at once: their names or files, separated by commas; `all` are those of
+    /// SMAC, `generated` those with drawn teams. Its networks are `universal`, its critic sees the state, and
+    /// the environments, at least 8 per map by default, are divided among them
     #[arg(long, value_name = "MAP,...", value_delimiter = ',', add = completions::scenario(),
         conflicts_with_all = ["map", "pool", "resume", "opponent", "seeds", "evaluate_every"])]
     maps: Option<Vec<String>>,
@@ -108,9 +108,8 @@ macro_rules! hyperparameters {
         struct Hyperparameters {
             $($(#[doc = $doc])+ #[arg(long $(, value_parser = $parser)?)]
                 $name: Option<$type>,)+
-            /// Widths of the hidden layers of both networks, separated by commas; with --network units two,
-            /// of the embeddings of units, and of the layers behind [default: 64,64, with --network units
-            /// 32,64]
+            /// Widths of the hidden layers of both networks, separated by commas; over units two, of the
+            /// embeddings of units and of the layers behind [default: 64,64, over units 32,64]
             #[arg(long, value_delimiter = ',', value_name = "N,...", value_parser = count(2..=4096))]
             hidden: Option<Vec<usize>>,
         }
@@ -150,7 +149,7 @@ hyperparameters! {
     network: NetworkKind,
     /// Non-linearity of the hidden layers: relu or tanh [default: relu]
     activation: Activation,
-    /// Step size of the actor [default: 0.0007, with --network units 0.0014]
+    /// Step size of the actor [default: 0.0007, of networks over units 0.0014]
     actor_lr: f64,
     /// Step size of the critic [default: 0.001]
     critic_lr: f64,
@@ -197,7 +196,9 @@ fn lanes_of_maps(
     let begin = |map: usize| config.num_envs * map / n_maps;
     let start = |(map, setup): (usize, &BattleSetup)| {
         let num_envs = begin(map + 1) - begin(map);
-        Lanes::start(setup, num_envs, config.last_actions, (threads - 1).max(1), runtime_dir)
+        // Maps are played one after the other, each by workers of its own.
+        let workers = (threads - 1).clamp(1, num_envs);
+        Lanes::start(setup, num_envs, config.last_actions, workers, runtime_dir)
     };
     Ok(setups.iter().enumerate().map(start).collect::<Result<_, _>>()?)
 }
@@ -297,6 +298,9 @@ impl Train {
         if !run.other_maps.is_empty() {
             let setups: Vec<BattleSetup> = [run.lanes_setup()].into_iter().chain(run.other_maps).collect();
             let name = in_words(&setups);
+            if self.pool.is_some() {
+                return Err("a run on several maps plays in pools of its own: leave --pool out".into());
+            }
             let lanes = lanes_of_maps(&setups, &run.config, threads, runtime_dir)?;
             let run = Run::resume_on_maps(folder, self.steps, lanes, threads)?;
             return Ok(Opened::One(Box::new(run), name));
@@ -317,6 +321,7 @@ impl Train {
             return Err(format!("--out must be a folder, but `{}` is a file", out.display()).into());
         }
         if let Some(names) = self.maps.take() {
+            self.self_play.enemies(None)?; // refuses options that have no effect
             return self.begin_on_maps(&out, &names, threads, runtime_dir);
         }
         let enemies = self.self_play.enemies(self.opponent.clone())?;
@@ -362,6 +367,8 @@ impl Train {
         let mut config = Config { algorithm: Algorithm::Mappo, num_envs, ..config };
         config.steps = self.steps.unwrap_or(config.steps);
         let config = self.hyperparameters.apply(config);
+        config.check()?;
+        config.check_maps(setups.len())?;
         let name = in_words(&setups);
         let lanes = lanes_of_maps(&setups, &config, threads, runtime_dir)?;
         let maps = setups.into_iter().zip(lanes).collect();

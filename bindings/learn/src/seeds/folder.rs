@@ -62,6 +62,7 @@ fn difference(a: &RunDescription, b: &RunDescription) -> Option<String> {
         ("the episode limit", of_a.episode_limit == of_b.episode_limit),
         ("the opponents", of_a.opponents == of_b.opponents),
         ("the sides that are played", of_a.sides == of_b.sides),
+        ("the other maps", a.other_maps == b.other_maps),
     ];
     if let Some((what, _)) = parts.into_iter().find(|(_, is_same)| !is_same) {
         return Some(what.to_owned());

@@ -1,7 +1,7 @@
 //! Rows of units in one form for all scenarios.
 
 use smaclite_engine::{FeatureBlock, action};
-use smaclite_scenarios::{Faction, Scenario};
+use smaclite_scenarios::{Faction, Placement, Scenario};
 use smaclite_units::{Plane, Targeter, UnitType};
 use std::ops::Range;
 
@@ -89,6 +89,12 @@ impl RowMap {
     /// The first `n` columns of `width`.
     pub fn prefix(n: usize, width: usize) -> RowMap {
         RowMap { width, columns: (0..n).map(|column| vec![(column, 1.0)]).collect(), constant: Vec::new() }
+    }
+
+    /// Both maps have so many weights and biases.
+    pub fn check(&self, [universal, special]: [(usize, usize); 2]) {
+        assert_eq!(universal, (universal.1 * self.width, universal.1), "a map of rows of the form");
+        assert_eq!(special, (universal.1 * self.columns.len(), universal.1), "a map of rows of the scenario");
     }
 
     /// W M and b + W m, to the ranges of `special`.
@@ -188,10 +194,15 @@ impl<'a> Reader<'a> {
 
     /// Those of a side whose observations have no types.
     fn only_figures(&self, side: Faction) -> Result<[f32; FIGURES], String> {
-        let units = self.scenario.units.iter().filter(|unit| unit.faction == side);
-        let mut figures = units.map(|unit| figures(&self.scenario.unit_types[unit.unit_type]));
+        let Scenario { units, unit_types, .. } = self.scenario;
+        let is_possible = |number: &usize| {
+            let is_of_side = |unit: &Placement| unit.faction == side && unit.unit_type == *number;
+            self.scenario.draws_teams() || units.iter().any(is_of_side)
+        };
+        let possible = (0..unit_types.len()).filter(is_possible);
+        let mut figures = possible.map(|number| figures(&unit_types[number]));
         let first = figures.next().unwrap_or_default();
-        let is_one = figures.all(|other| other == first) && !self.scenario.draws_teams();
+        let is_one = figures.all(|other| other == first);
         is_one.then_some(first).ok_or_else(|| "observations do not say the types of units".into())
     }
 }

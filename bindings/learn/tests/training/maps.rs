@@ -4,7 +4,7 @@ use crate::kit::{Place, check_resumed, complete, evaluated, evaluation, small};
 use smaclite_engine::{BattleSetup, Rules};
 use smaclite_learn::{
     Algorithm, Config, Evaluation, EvaluationResult, Lanes, NetworkKind, Run, RunDescription, SelfPlay,
-    TrainedTeam, evaluate, resolve_scenario,
+    TrainedTeam, evaluate, resolve_scenario, verify,
 };
 use std::sync::Arc;
 
@@ -61,7 +61,7 @@ fn a_resumed_run_of_a_universal_network_has_the_same_bits() {
 fn a_resumed_run_on_several_maps_has_the_same_bits_on_any_number_of_threads() {
     let place = Place::new();
     let setups = setups(&["3m", "2s3z", "MMM"]);
-    let config = universal(Config { num_envs: 9, steps: 34 * 142, epochs: 1, ..small() });
+    let config = universal(Config { num_envs: 12, steps: 34 * 190, epochs: 1, ..small() });
     complete(begin(&place, "whole", &setups, &config, 1));
     let mut run = begin(&place, "resumed", &setups, &config, 3);
     for _ in 0..33 {
@@ -74,8 +74,15 @@ fn a_resumed_run_on_several_maps_has_the_same_bits_on_any_number_of_threads() {
     let resumed = lanes(&place, &setups, &config, 1);
     complete(Run::resume_on_maps(&place.path("resumed"), None, resumed, 1).unwrap());
     assert_eq!(place.outcome("resumed"), place.outcome("whole"));
-    let too_few = lanes(&place, &setups[1..], &config, 1);
-    assert!(Run::resume_on_maps(&place.path("resumed"), None, too_few, 1).is_err());
+    let resume =
+        |lanes| Run::resume_on_maps(&place.path("resumed"), None, lanes, 1).err().unwrap().to_string();
+    let error = resume(lanes(&place, &setups[..1], &config, 1));
+    assert_eq!(error, "the run has 3 maps, but lanes were given for 1");
+    let mut uneven = lanes(&place, &setups, &config, 1);
+    let start = |setup, num_envs| Lanes::start(setup, num_envs, 0, 1, &place.runtime_dir).unwrap();
+    (uneven[0], uneven[1]) = (start(&setups[0], 5), start(&setups[1], 3));
+    let error = resume(uneven);
+    assert_eq!(error, "the maps have [5, 3, 4] environments, but those of the checkpoint [4, 4, 4]");
 }
 
 /// The program and Python play single battles with it, on a map of the caller's.
@@ -107,8 +114,20 @@ fn what_is_for_one_map_is_refused() {
     let error = refuse(small());
     assert_eq!(error, "network must be `universal` with several maps, got `flat`");
     let error = refuse(universal(evaluated()));
-    assert!(error.starts_with("evaluate_every must be 0 with several maps"), "{error}");
+    assert!(error.starts_with("evaluate_every must be left out with several maps"), "{error}");
     let enemies = smaclite_learn::Enemies::SelfPlay(SelfPlay::LEAGUE);
     let error = refuse(universal(Config { enemies, ..small() }));
     assert!(error.starts_with("network must be `flat` or `units` where a team plays"), "{error}");
+}
+
+/// Figures of types are those of the rules, in lanes and where the folder of the run is read.
+#[test]
+fn a_universal_team_of_other_rules_is_evaluated_and_verified() {
+    let place = Place::new();
+    let setup = resolve_scenario("2s3z", Rules::Starcraft).unwrap();
+    let config = universal(Config { evaluate_every: Some(400), ..small() });
+    let lanes = Lanes::start(&setup, config.num_envs, config.last_actions, 1, &place.runtime_dir).unwrap();
+    complete(Run::begin(&place.path("run"), config, &setup, lanes, 1).unwrap());
+    let verified = verify(&place.path("run"), usize::MAX, 1, &mut || false).unwrap();
+    assert!(verified.is_final && verified.evaluations == 4, "{verified:?}");
 }
