@@ -99,10 +99,19 @@ impl<'de> Deserialize<'de> for NetworkKind {
 
 /// A keyword that is none of those expected.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("expected `{}`, got `{given}`", expected.join("` or `"))]
+#[error("expected {}, got `{given}`", listed(expected))]
 pub struct UnknownKeyword {
     expected: Vec<&'static str>,
     given: String,
+}
+
+/// With commas, and the last after an "or".
+fn listed(keywords: &[&str]) -> String {
+    match keywords {
+        [] => String::new(),
+        [only] => format!("`{only}`"),
+        [others @ .., last] => format!("`{}` or `{last}`", others.join("`, `")),
+    }
 }
 
 impl UnknownKeyword {

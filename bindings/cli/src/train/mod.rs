@@ -149,7 +149,7 @@ hyperparameters! {
     network: NetworkKind,
     /// Non-linearity of the hidden layers: relu or tanh [default: relu]
     activation: Activation,
-    /// Step size of the actor [default: 0.0007, of networks over units 0.0014]
+    /// Step size of the actor [default: 0.0007, over units 0.0014]
     actor_lr: f64,
     /// Step size of the critic [default: 0.001]
     critic_lr: f64,

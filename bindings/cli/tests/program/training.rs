@@ -339,7 +339,12 @@ fn errors_say_what_is_accepted() {
         "invalid value '0' for '--num-envs <NUM_ENVS>': must be a whole number between 1 and 65536",
     );
     check_error(folder, "train 3m --out run --algorithm qmix", 2, "expected `mappo` or `ippo`, got `qmix`");
-    check_error(folder, "train 3m --out run --network gnn", 2, "expected `flat` or `units`, got `gnn`");
+    check_error(
+        folder,
+        "train 3m --out run --network gnn",
+        2,
+        "expected `flat`, `units` or `universal`, got `gnn`",
+    );
     check_error(
         folder,
         "train 3m --out run --network units --hidden 64",
@@ -373,20 +378,30 @@ fn errors_say_what_is_accepted() {
 fn the_help_states_the_defaults() {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
-    output(folder, "train 3m --out run --steps 1");
     let help = output(folder, "train --help").split_whitespace().collect::<Vec<_>>().join(" ");
-    let run = fs::read(folder.join("run/run.json")).expect("the description");
-    let run: Value = serde_json::from_slice(&run).expect("JSON");
-    let config = run["config"].as_object().expect("an object");
-    for (name, value) in config.iter().filter(|(name, _)| *name != "steps") {
+    // Teams that are fixed, and that are drawn.
+    let [fixed, drawn] = ["3m", "zerg_5_vs_5"].map(|map| {
+        output(folder, &format!("train {map} --out {map} --steps 1"));
+        let run = fs::read(folder.join(map).join("run.json")).expect("the description");
+        let run: Value = serde_json::from_slice(&run).expect("JSON");
+        run["config"].as_object().expect("an object").clone()
+    });
+    let text = |value: &Value| match value {
+        Value::Array(widths) => widths.iter().map(Value::to_string).collect::<Vec<_>>().join(","),
+        Value::String(keyword) => keyword.clone(),
+        number => number.as_f64().expect("a number").to_string(),
+    };
+    for (name, value) in drawn.iter().filter(|(name, _)| *name != "steps") {
         let default = match (name.as_str(), value) {
+            ("network", _) => "units for drawn teams, otherwise flat".to_owned(),
             ("entropy", _) => format!("{TEAM_ENTROPY} divided by the number of agents"),
             ("algorithm", _) => {
                 format!("mappo for {STATE_CRITIC_AGENTS} agents or more and for drawn teams, otherwise ippo")
             }
-            (_, Value::Array(widths)) => widths.iter().map(Value::to_string).collect::<Vec<_>>().join(","),
-            (_, Value::String(keyword)) => keyword.clone(),
-            (_, number) => number.as_f64().expect("a number").to_string(),
+            (name, value) if fixed[name] != *value => {
+                format!("{}, over units {}", text(&fixed[name]), text(value))
+            }
+            (_, value) => text(value),
         };
         let option = format!(" --{} <", name.replace('_', "-"));
         let (_, text) = help.split_once(&option).unwrap_or_else(|| panic!("no{option} in {help}"));
