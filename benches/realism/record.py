@@ -33,7 +33,7 @@ def record(envs: sp.Envs, batch: sp.Batch, actor: Actor) -> list[dict[str, Any]]
     """The battles of all environments, from this batch to their ends; it has all of `FIELDS`."""
     about = sp.scenario(envs)
     if about["teams_are_drawn"]:
-        raise sp.InvalidRequest("recordings are of maps whose teams are fixed, but those of this one are drawn")
+        raise sp.InvalidRequest("recordings are of maps whose teams are fixed; those of this map are drawn")
     healers = [unit["healer"] for unit in about["allies"]]
     columns = Columns(batch.snapshot[0])
     places = columns.read(batch.snapshot, "pos")

@@ -23,8 +23,8 @@ pub(super) struct Adapt {
     /// The folder that is written; must not hold a run
     #[arg(long, value_name = "FOLDER")]
     out: PathBuf,
-    /// Which weights: best (of the best evaluation, if the run was evaluated) or last [default: best, if there
-    /// are some]
+    /// Which weights: best (of the best evaluation, if the run was evaluated) or last [default: best, if
+    /// there are some]
     #[arg(long, value_name = "best|last")]
     weights: Option<Weights>,
 }

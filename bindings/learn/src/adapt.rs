@@ -8,8 +8,8 @@ use crate::zoo_folders::ExportError;
 use smaclite_engine::BattleSetup;
 use std::path::Path;
 
-/// Writes the team in the folder `from` to the folder `to`, which must not hold a run, as a team with networks
-/// over units that plays this map. It plays as the team does; it has no checkpoint.
+/// Writes the team in the folder `from` to the folder `to`, which must not hold a run, as a team with
+/// networks over units that plays this map. It plays as the team does; it has no checkpoint.
 ///
 /// # Errors
 /// If `from` has no such team, or it does not play the map; if `to` holds a run or cannot be written.

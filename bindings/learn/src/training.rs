@@ -163,7 +163,8 @@ impl Record {
 }
 
 impl Training {
-    /// Begins a run on the lanes of each of its maps. `rival` plays the enemies if those are a trained team's.
+    /// Begins a run on the lanes of each of its maps. `rival` plays the enemies if those are a trained
+    /// team's.
     pub fn new(
         config: Config,
         lanes: Vec<Lanes>,
@@ -339,8 +340,8 @@ impl Training {
     }
 }
 
-/// The episodes of all maps, as they would have ended if the maps had been played at once: the newest of a run
-/// are those of all its maps.
+/// The episodes of all maps, as they would have ended if the maps had been played at once: the newest of a
+/// run are those of all its maps.
 fn in_turn<'a>(maps: impl Iterator<Item = &'a [Ended]>) -> impl Iterator<Item = Ended> {
     let when = |(i, ended): (usize, &Ended), count: usize| ((i as f64 + 0.5) / count as f64, *ended);
     let of_map = |ended: &'a [Ended]| ended.iter().enumerate().map(move |each| when(each, ended.len()));

@@ -23,7 +23,7 @@ impl<'de> Deserialize<'de> for NetworkKind {
             Some("flat") => Ok(NetworkKind::Flat),
             Some("units") => Ok(NetworkKind::Units),
             Some("universal") => Err(serde::de::Error::custom(
-                "the page plays teams of one map: write one with `smaclite-pool adapt FOLDER MAP --out OTHER`",
+                "the page plays teams of one map: `smaclite-pool adapt FOLDER MAP --out OTHER` writes one",
             )),
             _ => {
                 Err(serde::de::Error::custom(format!("`network` must be \"flat\" or \"units\", got {value}")))

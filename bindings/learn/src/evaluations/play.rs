@@ -75,7 +75,8 @@ impl Evaluator {
         Ok(Evaluator { seed: run.config.seed, pairing, players: [team, enemies], scratches })
     }
 
-    /// Plays the episodes with these weights, as files have them. The same run, occasion and weights give the same episodes.
+    /// Plays the episodes with these weights, as files have them. The same run, occasion and weights give the
+    /// same episodes.
     pub fn play(
         &mut self,
         actor: &Network,
