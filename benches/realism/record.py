@@ -2,8 +2,8 @@
 
     python -m realism.record runs/3m FOLDER
 
-What a rule set scores on recordings of its own, played again with other random numbers, a perfect copy of the
-game would score on those of the game.
+What a rule set scores on recordings of its own, played again with other random numbers, says how much chance
+alone takes from a perfect copy.
 """
 
 from __future__ import annotations

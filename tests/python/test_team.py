@@ -81,6 +81,10 @@ def test_a_team_of_several_maps_plays_others_as_the_program_does(tmp_path: Path)
         check_greedy(
             sp.load_team(tmp_path / "run", map=scenario), scenario, tmp_path / "run", "--map", scenario
         )
+    # As opponents, on a map with other units than its first one has.
+    with sp.make("3m", 2, opponent=str(tmp_path / "run")) as envs:
+        envs.reset(seed=1)
+        envs.step(envs.sample_actions())
     # As a team of one map, which plays wherever a folder does.
     adapted = tmp_path / "on-MMM"
     assert program("adapt", tmp_path / "run", "MMM", "--out", adapted).returncode == 0

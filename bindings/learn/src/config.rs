@@ -72,7 +72,7 @@ impl NetworkKind {
     }
 
     /// Over units where teams are drawn, so that most battles are of teams that were not seen before: there
-    /// these networks win far more. On maps whose teams are fixed, flat ones win as much and cost less.
+    /// these networks win far more. On maps whose teams are fixed, flat ones win, too, and cost less.
     fn for_scenario(scenario: &Scenario) -> NetworkKind {
         let has_units = TargetLayout::new(scenario).is_some();
         if scenario.draws_teams() && has_units { NetworkKind::Units } else { NetworkKind::Flat }

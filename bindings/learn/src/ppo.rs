@@ -1,4 +1,4 @@
-//! One update of proximal policy optimisation: from a rollout to better networks.
+//! One update of proximal policy optimisation: from the rollouts of all maps to better networks.
 
 use crate::adam::clip;
 use crate::config::{Algorithm, Config};

@@ -1,7 +1,7 @@
 //! Networks over units that fit every scenario.
 //!
 //! The rows of units differ between scenarios in what they say of a unit's type (`type_2` is another type on
-//! every map), in whether they have a shield, and in the number of last actions. A universal network reads
+//! every map), in whether they have a shield, and in how many actions there are. A universal network reads
 //! rows of one form: every feature that a scenario may have, and, in place of the number of the type, its
 //! *figures*; of a last action only whether it had a target.
 //!

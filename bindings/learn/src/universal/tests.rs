@@ -1,3 +1,5 @@
+//! Tests of `universal`: one team fits every scenario, and sees what types are instead of their numbers.
+
 use super::*;
 use crate::architecture::Architecture;
 use crate::architecture::{Inputs, Workspace};
