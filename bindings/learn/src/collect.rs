@@ -1,5 +1,5 @@
-//! Fills a rollout: lane by lane, a batch is stored, the policy acts on it in place, and its actions are
-//! sent. The workers step one lane while the policy acts on the other.
+//! Fills the rollouts of all maps: lane by lane, a batch is stored, the policy acts on it in place, and its
+//! actions are sent. The workers step the other lanes while the policy acts on one.
 
 use crate::actor::{Chosen, Draw};
 use crate::enemy_actor::{BothActors, Teams, players};
@@ -21,6 +21,15 @@ pub(crate) struct Collector {
     actors: Vec<BothActors>,
 }
 
+/// A map that is played on.
+pub(crate) struct Playing<'a> {
+    pub collector: &'a mut Collector,
+    pub lanes: &'a mut Lanes,
+    pub network: &'a Network,
+    pub rollout: &'a mut Rollout,
+    pub draws: Draws,
+}
+
 /// Where the random numbers of a rollout come from, and how players are drawn.
 #[derive(Clone, Copy)]
 pub(crate) struct Draws {
@@ -31,38 +40,54 @@ pub(crate) struct Draws {
     pub self_share: f64,
 }
 
-impl Collector {
-    /// Plays `rollout.horizon` steps of every environment. Returns the time that was spent waiting for
-    /// batches.
-    pub fn collect(
-        &mut self,
-        lanes: &mut Lanes,
-        network: &Network,
-        league: &mut League,
-        rollout: &mut Rollout,
-        draws: Draws,
-        interrupted: &mut dyn FnMut() -> bool,
-    ) -> Result<Duration, ClientError> {
-        self.actors.resize_with(lanes.count(), Default::default);
-        rollout.episodes.clear();
-        let (mut waited, sizes) = (Duration::ZERO, lanes.sizes());
-        for t in 0..=rollout.horizon {
+/// Plays a rollout's steps of every environment of all maps, each of which has as many. Returns the time that
+/// was spent waiting for batches.
+pub(crate) fn collect(
+    maps: &mut [Playing<'_>],
+    league: &mut League,
+    interrupted: &mut dyn FnMut() -> bool,
+) -> Result<Duration, ClientError> {
+    let mut waited = Duration::ZERO;
+    maps.iter_mut().for_each(Playing::begin);
+    let horizon = maps.first().map_or(0, |map| map.rollout.horizon);
+    for t in 0..=horizon {
+        for map in &mut *maps {
             if interrupted() {
                 return Err(ClientError::Interrupted);
             }
-            for (lane, actors) in self.actors.iter_mut().enumerate() {
-                let begin = Instant::now();
-                let lane_batch = lanes.batch(lane, interrupted)?;
-                waited += begin.elapsed();
-                rollout.store_inputs(t, sizes, &lane_batch);
-                if t > 0 {
-                    rollout.store_outcome(t - 1, sizes, &lane_batch, league);
-                }
-                if t < rollout.horizon {
-                    let turn = Turn { t, step: draws.first_step + t as u64, sizes, lane_batch };
-                    let actions = act(actors, network, league, turn, rollout, draws);
-                    lanes.send(lane, actions)?;
-                }
+            waited += map.step(t, league, interrupted)?;
+        }
+    }
+    Ok(waited)
+}
+
+impl Playing<'_> {
+    fn begin(&mut self) {
+        self.collector.actors.resize_with(self.lanes.count(), Default::default);
+        self.rollout.episodes.clear();
+    }
+
+    /// Stores what all environments are like at time `t`, and acts. Returns the time that was spent waiting.
+    fn step(
+        &mut self,
+        t: usize,
+        league: &mut League,
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> Result<Duration, ClientError> {
+        let Playing { collector, lanes, network, rollout, draws } = self;
+        let (mut waited, sizes) = (Duration::ZERO, lanes.sizes());
+        for (lane, actors) in collector.actors.iter_mut().enumerate() {
+            let begin = Instant::now();
+            let lane_batch = lanes.batch(lane, interrupted)?;
+            waited += begin.elapsed();
+            rollout.store_inputs(t, sizes, &lane_batch);
+            if t > 0 {
+                rollout.store_outcome(t - 1, sizes, &lane_batch, league);
+            }
+            if t < rollout.horizon {
+                let turn = Turn { t, step: draws.first_step + t as u64, sizes, lane_batch };
+                let actions = act(actors, network, league, turn, rollout, *draws);
+                lanes.send(lane, actions)?;
             }
         }
         Ok(waited)

@@ -1,20 +1,20 @@
-//! The gradient of a minibatch. Its rows are divided into jobs, whose gradients are summed in their order; so
-//! the result depends neither on the number of threads nor on which of them is fast.
+//! The gradient of a minibatch of all maps. Its rows are divided into jobs, whose gradients are summed in their
+//! order; so the result depends neither on the number of threads nor on which of them is fast.
 
 use crate::architecture::Workspace;
 use crate::loss::{PolicyLoss, PolicyRow, PolicyStats, ValueLoss};
 use crate::math::{add, vectorised};
 use crate::parallel::{self, Interrupted};
 use crate::rollout::Rollout;
-use crate::team::{Network, Team};
+use crate::team::{Network, OnScenario, Team};
 
 /// Rows of one pass: enough for fast products, and few enough that their activations stay in the L2 cache.
 const BLOCK: usize = 256;
 
-/// Most jobs per network and minibatch. Their gradients must be summed, and more threads find no work.
+/// Most jobs per network, map and minibatch. Their gradients must be summed, and more threads find no work.
 const MAX_JOBS: usize = 16;
 
-/// The data of an update, as rows of both networks.
+/// The data of an update on one map, as rows of both networks.
 pub(crate) struct Data<'a> {
     pub rollout: &'a Rollout,
     /// Inputs of the critic, `[rows, critic_size]`.
@@ -30,10 +30,26 @@ pub(crate) struct Data<'a> {
     pub targets: &'a [f32],
 }
 
-/// The rows and constants of a minibatch.
-pub(crate) struct Minibatch<'a> {
+/// What a map has in a minibatch.
+pub(crate) struct Share<'a> {
+    pub networks: Networks<'a>,
+    pub data: Data<'a>,
     pub policy_rows: &'a [u32],
     pub value_rows: &'a [u32],
+}
+
+/// The networks that act on a map.
+#[derive(Clone, Copy)]
+pub(crate) enum Networks<'a> {
+    /// Those that learn.
+    Same(&'a Team),
+    /// What universal ones are there.
+    OnScenario(&'a OnScenario),
+}
+
+/// The losses of a minibatch.
+#[derive(Clone, Copy)]
+pub(crate) struct Losses {
     pub policy: PolicyLoss,
     pub value: ValueLoss,
 }
@@ -65,39 +81,54 @@ struct JobResult {
     value_loss: f64,
 }
 
-/// Some rows of one network.
+/// Some rows of one network on one map.
 #[derive(Clone, Copy)]
-enum Job<'a> {
-    Actor(&'a [u32]),
-    Critic(&'a [u32]),
+struct Job<'a> {
+    share: &'a Share<'a>,
+    is_actor: bool,
+    rows: &'a [u32],
+}
+
+impl<'a> Networks<'a> {
+    pub fn team(self) -> &'a Team {
+        match self {
+            Networks::Same(team) => team,
+            Networks::OnScenario(on_scenario) => on_scenario.team(),
+        }
+    }
 }
 
 impl Gradients {
-    /// Computes the gradients of both losses, with one thread per memory.
+    /// Computes the gradients of both losses over the rows of all maps, with one thread per memory.
     pub fn compute(
         &mut self,
         team: &Team,
-        data: &Data<'_>,
-        minibatch: &Minibatch<'_>,
+        shares: &[Share<'_>],
+        losses: Losses,
         threads: &mut [ThreadMemory],
         interrupted: &mut dyn FnMut() -> bool,
     ) -> Result<(), Interrupted> {
-        let actor_jobs = split(minibatch.policy_rows).map(Job::Actor);
-        let jobs: Vec<Job<'_>> = actor_jobs.chain(split(minibatch.value_rows).map(Job::Critic)).collect();
+        let jobs: Vec<Job<'_>> = shares.iter().flat_map(Share::jobs).collect();
         self.jobs.resize(self.jobs.len().max(jobs.len()), JobResult::default());
         let results = &mut self.jobs[..jobs.len()];
         parallel::run(jobs.iter().zip(&mut *results), threads, interrupted, |(job, result), memory| {
-            let network = job.network(team);
-            result.reset(network.params.len());
-            match job {
-                Job::Actor(rows) => differentiate_policy(network, data, rows, minibatch, memory, result),
-                Job::Critic(rows) => differentiate_values(network, data, rows, minibatch, memory, result),
+            result.reset(job.network().params.len());
+            if job.is_actor {
+                differentiate_policy(job, losses.policy, memory, result);
+            } else {
+                differentiate_values(job, losses.value, memory, result);
             }
         })?;
         self.reset(team);
         for (job, result) in jobs.iter().zip(&self.jobs) {
-            let sum = if let Job::Actor(_) = job { &mut self.actor } else { &mut self.critic };
-            add(sum, &result.gradient);
+            let sum = if job.is_actor { &mut self.actor } else { &mut self.critic };
+            match job.share.networks {
+                Networks::Same(_) => add(sum, &result.gradient),
+                Networks::OnScenario(on_scenario) => {
+                    let [actor, critic] = on_scenario.specialisations();
+                    if job.is_actor { actor } else { critic }.take_back(&result.gradient, sum);
+                }
+            }
             self.policy_stats.add(&result.policy_stats);
             self.value_loss += result.value_loss;
         }
@@ -105,7 +136,7 @@ impl Gradients {
     }
 
     /// Of no row yet.
-    pub fn reset(&mut self, team: &Team) {
+    fn reset(&mut self, team: &Team) {
         for (sum, network) in [(&mut self.actor, &team.actor), (&mut self.critic, &team.critic)] {
             sum.clear();
             sum.resize(network.params.len(), 0.0);
@@ -122,12 +153,17 @@ impl JobResult {
     }
 }
 
-impl Job<'_> {
-    fn network<'t>(&self, team: &'t Team) -> &'t Network {
-        match self {
-            Job::Actor(_) => &team.actor,
-            Job::Critic(_) => &team.critic,
-        }
+impl<'a> Share<'a> {
+    fn jobs(&'a self) -> impl Iterator<Item = Job<'a>> {
+        let of = |rows, is_actor| split(rows).map(move |rows| Job { share: self, is_actor, rows });
+        of(self.policy_rows, true).chain(of(self.value_rows, false))
+    }
+}
+
+impl<'a> Job<'a> {
+    fn network(&self) -> &'a Network {
+        let team = self.share.networks.team();
+        if self.is_actor { &team.actor } else { &team.critic }
     }
 }
 
@@ -150,14 +186,8 @@ impl ThreadMemory {
     }
 }
 
-fn differentiate_policy(
-    network: &Network,
-    data: &Data<'_>,
-    rows: &[u32],
-    minibatch: &Minibatch<'_>,
-    memory: &mut ThreadMemory,
-    result: &mut JobResult,
-) {
+fn differentiate_policy(job: &Job<'_>, loss: PolicyLoss, memory: &mut ThreadMemory, result: &mut JobResult) {
+    let (Job { share: Share { data, .. }, rows, .. }, network) = (job, job.network());
     let Rollout { sizes, padded_actions, .. } = *data.rollout;
     let agents_per_value = sizes.n_agents / data.values_per_env;
     for rows in rows.chunks(BLOCK) {
@@ -178,7 +208,7 @@ fn differentiate_policy(
                         old_log_prob: data.rollout.log_probs[row],
                         advantage: data.advantages[row / agents_per_value],
                     };
-                    minibatch.policy.differentiate(&policy_row, outputs, powers, stats);
+                    loss.differentiate(&policy_row, outputs, powers, stats);
                 }
             },
         );
@@ -186,14 +216,8 @@ fn differentiate_policy(
     }
 }
 
-fn differentiate_values(
-    network: &Network,
-    data: &Data<'_>,
-    rows: &[u32],
-    minibatch: &Minibatch<'_>,
-    memory: &mut ThreadMemory,
-    result: &mut JobResult,
-) {
+fn differentiate_values(job: &Job<'_>, loss: ValueLoss, memory: &mut ThreadMemory, result: &mut JobResult) {
+    let (Job { share: Share { data, .. }, rows, .. }, network) = (job, job.network());
     for rows in rows.chunks(BLOCK) {
         memory.gather(data.critic_inputs, data.critic_size, rows, data.values_per_env);
         let ThreadMemory { workspace, inputs, ids, .. } = memory;
@@ -201,10 +225,10 @@ fn differentiate_values(
         let width = network.architecture.padded_out();
         for (row, outputs) in rows.iter().zip(workspace.output().chunks_exact_mut(width)) {
             let (old, target) = (data.old_values[*row as usize], data.targets[*row as usize]);
-            let (loss, derivative) = minibatch.value.differentiate(outputs[0], old, target);
+            let (error, derivative) = loss.differentiate(outputs[0], old, target);
             outputs.fill(0.0);
             outputs[0] = derivative;
-            result.value_loss += f64::from(loss);
+            result.value_loss += f64::from(error);
         }
         network.backward(inputs, ids, workspace, &mut result.gradient);
     }

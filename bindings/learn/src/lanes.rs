@@ -80,7 +80,8 @@ pub(crate) struct SavedEnvs {
 pub struct Lanes {
     lanes: Vec<Lane>,
     inputs: Inputs,
-    _pool: Option<Supervisor>,
+    /// That of all maps of a run.
+    _pool: Option<Arc<Supervisor>>,
 }
 
 impl Lanes {
@@ -96,14 +97,37 @@ impl Lanes {
         threads: usize,
         runtime_dir: &RuntimeDir,
     ) -> Result<Lanes, LaneError> {
-        let half = num_envs / 2;
-        let halves = [("first", num_envs - half), ("second", half)];
+        let setups = std::slice::from_ref(setup);
+        let mut lanes = Lanes::start_maps(setups, num_envs, last_actions, threads, runtime_dir)?;
+        Ok(lanes.remove(0))
+    }
+
+    /// The same for a run on several maps: a pool with lanes of each, among which the environments are
+    /// divided as equally as can be.
+    ///
+    /// # Errors
+    /// As [`Supervisor::start`].
+    pub fn start_maps(
+        setups: &[BattleSetup],
+        num_envs: usize,
+        last_actions: usize,
+        threads: usize,
+        runtime_dir: &RuntimeDir,
+    ) -> Result<Vec<Lanes>, LaneError> {
         let (mut lanes, mut names) = (Vec::new(), Vec::new());
-        for (name, num_envs) in halves.into_iter().filter(|(_, num_envs)| *num_envs > 0) {
-            let mut lane = lane_config(setup, name, num_envs);
-            lane.settings.obs_last_actions = last_actions;
-            lanes.push(lane);
-            names.push(name.to_owned());
+        for (map, setup) in setups.iter().enumerate() {
+            let begin = |map: usize| num_envs * map / setups.len();
+            let of_map = begin(map + 1) - begin(map);
+            let halves = [("first", of_map.div_ceil(2)), ("second", of_map / 2)];
+            let halves = halves.into_iter().filter(|(_, num_envs)| *num_envs > 0);
+            let halves = halves.map(|(half, num_envs)| {
+                let mut lane = lane_config(setup, &format!("{half}-{map}"), num_envs);
+                lane.settings.obs_last_actions = last_actions;
+                lane
+            });
+            let halves: Vec<LaneConfig> = halves.collect();
+            names.push(halves.iter().map(|lane| lane.name.clone()).collect::<Vec<_>>());
+            lanes.extend(halves);
         }
         let options = PoolOptions { threads, ..PoolOptions::default() };
         // Several runs in one process, as in tests, need different names.
@@ -112,11 +136,14 @@ impl Lanes {
         let name = format!("learn-{}-{count}", std::process::id());
         let config =
             SupervisorConfig { name: name.clone(), lanes, options, runtime_dir: runtime_dir.clone() };
-        let pool = Supervisor::start(config)?;
+        let pool = Arc::new(Supervisor::start(config)?);
         let mut connect =
             |lane: Option<&str>, _: Interrupted<'_>| pool.connect(lane, WaitStrategy::default());
-        let lanes = Lanes::attach_by(&mut connect, setup, runtime_dir, &name, &names, &mut || false)?;
-        Ok(Lanes { _pool: Some(pool), ..lanes })
+        let attach = |(setup, names): (&BattleSetup, Vec<String>)| {
+            let lanes = Lanes::attach_by(&mut connect, setup, runtime_dir, &name, &names, &mut || false)?;
+            Ok(Lanes { _pool: Some(Arc::clone(&pool)), ..lanes })
+        };
+        setups.iter().zip(names).map(attach).collect()
     }
 
     /// Attaches to lanes of a running pool, or to its only one if none is named. `interrupted` ends the wait

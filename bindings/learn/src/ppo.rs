@@ -1,16 +1,16 @@
 //! One update of proximal policy optimisation: from the rollouts of all maps to better networks.
 
+mod part;
+
 use crate::adam::clip;
-use crate::config::{Algorithm, Config};
-use crate::gae::{Steps, advantages};
-use crate::gradient::{Data, Gradients, Minibatch, ThreadMemory, values};
+use crate::config::Config;
+use crate::gradient::{Gradients, Losses, Share, ThreadMemory};
 use crate::loss::{PolicyLoss, PolicyStats, ValueLoss};
-use crate::math::{add, mean_and_deviation};
+use crate::math::mean_and_deviation;
 use crate::parallel::Interrupted;
-use crate::random::{Purpose, generator};
-use crate::rollout::{Rollout, rows};
-use crate::team::{Network, OnScenario, Team};
-use rand::seq::SliceRandom;
+use crate::team::{Network, Team};
+use part::Part;
+pub(crate) use part::Played;
 use serde::Serialize;
 
 /// A number that is not finite appeared.
@@ -68,49 +68,13 @@ pub struct UpdateStats {
 #[derive(Debug)]
 pub(crate) struct Ppo {
     threads: Vec<ThreadMemory>,
-    /// Of one map.
     gradients: Gradients,
-    /// Of all maps.
-    sums: Gradients,
-}
-
-/// What was played on a map, and what the team is there.
-pub(crate) struct Played<'a> {
-    pub rollout: &'a Rollout,
-    /// `None` if the networks are those of this scenario.
-    pub on_scenario: Option<&'a mut OnScenario>,
-    /// Of the order of its samples.
-    pub seed: u64,
-}
-
-impl Played<'_> {
-    fn team<'t>(&'t mut self, team: &'t Team) -> &'t Team {
-        match &mut self.on_scenario {
-            None => team,
-            Some(on_scenario) => on_scenario.team(team),
-        }
-    }
-}
-
-/// The rows of a map.
-struct Part<'a> {
-    played: Played<'a>,
-    critic_inputs: &'a [f32],
-    critic_size: usize,
-    values_per_env: usize,
-    samples: Vec<u32>,
-    policy_rows: Vec<u32>,
-    value_rows: Vec<u32>,
-    /// By row of the critic.
-    returns: Vec<f32>,
-    advantages: Vec<f32>,
-    old_values: Vec<f32>,
 }
 
 impl Ppo {
     pub fn new(threads: usize) -> Ppo {
         let threads = (0..threads.max(1)).map(|_| ThreadMemory::default()).collect();
-        Ppo { threads, gradients: Gradients::default(), sums: Gradients::default() }
+        Ppo { threads, gradients: Gradients::default() }
     }
 
     /// Trains the team on what was played on its maps. `update` counts the updates of the run, and `steps` is
@@ -172,15 +136,17 @@ impl Ppo {
         progress: &mut Progress<'_>,
     ) -> Result<(), UpdateError> {
         let Progress { sums, interrupted } = progress;
-        let Ppo { threads, gradients, sums: of_all } = self;
-        let minibatch = settings.minibatch(parts, i);
-        let (policy_rows, value_rows) = (minibatch.policy_rows, minibatch.value_rows);
-        of_all.reset(team);
-        for part in parts {
-            part.differentiate(team, &minibatch, i, settings, [gradients, of_all], threads, interrupted)?;
-            sums.policy.add(&gradients.policy_stats);
-            sums.value_loss += gradients.value_loss;
-        }
+        let Ppo { threads, gradients } = self;
+        parts.iter_mut().for_each(|part| part.played.specialise(team));
+        let shares: Vec<Share<'_>> =
+            parts.iter().map(|part| part.share(team, i, settings.config.minibatches)).collect();
+        let count = |rows: fn(&Share<'_>) -> usize| shares.iter().map(rows).sum::<usize>();
+        let policy_rows = count(|share| share.policy_rows.len());
+        let value_rows = count(|share| share.value_rows.len());
+        let losses = settings.losses(policy_rows, value_rows);
+        gradients.compute(team, &shares, losses, threads, interrupted)?;
+        sums.policy.add(&gradients.policy_stats);
+        sums.value_loss += gradients.value_loss;
         let step = |network: &mut Network, gradient: &mut [f32], lr: f64, name| {
             let norm = clip(gradient, settings.config.max_grad_norm);
             if !norm.is_finite() {
@@ -190,112 +156,14 @@ impl Ppo {
             Ok(norm)
         };
         if policy_rows > 0 {
-            sums.actor_norms += step(&mut team.actor, &mut of_all.actor, settings.actor_lr, "actor")?;
+            sums.actor_norms += step(&mut team.actor, &mut gradients.actor, settings.actor_lr, "actor")?;
             sums.actor_steps += 1.0;
         }
         if value_rows > 0 {
-            sums.critic_norms += step(&mut team.critic, &mut of_all.critic, settings.critic_lr, "critic")?;
+            sums.critic_norms += step(&mut team.critic, &mut gradients.critic, settings.critic_lr, "critic")?;
             sums.critic_steps += 1.0;
         }
         sums.value_rows += value_rows as f64;
-        Ok(())
-    }
-}
-
-impl<'a> Part<'a> {
-    fn new(
-        mut played: Played<'a>,
-        team: &Team,
-        config: &Config,
-        threads: &mut [ThreadMemory],
-        interrupted: &mut dyn FnMut() -> bool,
-    ) -> Result<Part<'a>, Interrupted> {
-        let rollout = played.rollout;
-        let (critic_inputs, critic_size, values_per_env) = match config.algorithm {
-            Algorithm::Mappo => (&rollout.state, rollout.sizes.state_size, 1),
-            Algorithm::Ippo => (&rollout.obs, rollout.sizes.obs_size, rollout.sizes.n_agents),
-        };
-        let samples = rollout.samples();
-        let policy_rows = rollout.policy_rows(&samples);
-        let value_rows: Vec<u32> = rows(&samples, values_per_env).collect();
-        let critic = &played.team(team).critic;
-        let old_values = values(critic, critic_inputs, critic_size, values_per_env, threads, interrupted)?;
-        let (returns, advantages) = (Vec::new(), Vec::new());
-        Ok(Part {
-            played,
-            critic_inputs,
-            critic_size,
-            values_per_env,
-            samples,
-            policy_rows,
-            value_rows,
-            returns,
-            advantages,
-            old_values,
-        })
-    }
-
-    /// Samples are shuffled and not rows, because the rows of a sample lie side by side in memory.
-    fn shuffle(&mut self, update: u64, epoch: u64) {
-        self.samples.shuffle(&mut generator(self.played.seed, Purpose::Minibatches, [update, epoch]));
-        self.policy_rows = self.played.rollout.policy_rows(&self.samples);
-        self.value_rows = rows(&self.samples, self.values_per_env).collect();
-    }
-
-    /// Estimates advantages and returns from the critic's values.
-    fn estimate(&mut self, mean: f64, deviation: f64, config: &Config) {
-        let Rollout { rewards, terminated, truncated, num_seats, horizon, .. } = self.played.rollout;
-        let values = &mut self.old_values;
-        values.iter_mut().for_each(|value| *value = (f64::from(*value) * deviation + mean) as f32);
-        let steps = Steps { rewards, terminated, truncated, num_envs: *num_seats };
-        let mut estimated = vec![0.0; values.len() / (horizon + 1) * horizon];
-        advantages(&steps, values, config.gamma, config.lambda, &mut estimated);
-        self.returns = estimated.iter().zip(&*values).map(|(advantage, value)| advantage + value).collect();
-        self.advantages = estimated;
-    }
-
-    /// The values of the learnt rows.
-    fn learnt<'v>(&'v self, values: &'v [f32]) -> impl Iterator<Item = f32> + Clone + 'v {
-        self.value_rows.iter().map(|row| values[*row as usize])
-    }
-
-    /// The gradients of this map's part of minibatch `i`, and adds them to those of all maps.
-    #[expect(clippy::too_many_arguments, reason = "a step of the loop over maps")]
-    fn differentiate(
-        &mut self,
-        team: &Team,
-        minibatch: &MinibatchOfMaps,
-        i: usize,
-        settings: &StepSettings<'_>,
-        [gradients, of_all]: [&mut Gradients; 2],
-        threads: &mut [ThreadMemory],
-        interrupted: &mut dyn FnMut() -> bool,
-    ) -> Result<(), Interrupted> {
-        let Part { played, critic_inputs, critic_size, values_per_env, .. } = self;
-        let rollout = played.rollout;
-        let data = Data {
-            rollout,
-            critic_inputs,
-            critic_size: *critic_size,
-            values_per_env: *values_per_env,
-            advantages: &self.advantages,
-            old_values: &self.old_values,
-            targets: &self.returns,
-        };
-        let n = settings.config.minibatches;
-        let minibatch = Minibatch {
-            policy_rows: part(&self.policy_rows, i, n),
-            value_rows: part(&self.value_rows, i, n),
-            policy: minibatch.policy,
-            value: minibatch.value,
-        };
-        gradients.compute(played.team(team), &data, &minibatch, threads, interrupted)?;
-        let to = [&mut of_all.actor[..], &mut of_all.critic[..]];
-        let from = [&gradients.actor[..], &gradients.critic[..]];
-        match &played.on_scenario {
-            None => to.into_iter().zip(from).for_each(|(to, from)| add(to, from)),
-            Some(on_scenario) => on_scenario.take_back(from, to),
-        }
         Ok(())
     }
 }
@@ -321,34 +189,15 @@ impl StepSettings<'_> {
         }
     }
 
-    /// Minibatch `i`, over whose rows, of all maps, the losses are means.
-    fn minibatch(&self, parts: &[Part<'_>], i: usize) -> MinibatchOfMaps {
-        let Config { clip, value_clip, huber, minibatches, .. } = *self.config;
-        let count = |rows: for<'p> fn(&'p Part<'_>) -> &'p [u32]| {
-            parts.iter().map(|of_map| part(rows(of_map), i, minibatches).len()).sum::<usize>()
-        };
+    /// The losses of a minibatch, means over its rows of all maps.
+    fn losses(&self, policy_rows: usize, value_rows: usize) -> Losses {
+        let Config { clip, value_clip, huber, .. } = *self.config;
         let mean = |rows: usize| 1.0 / rows.max(1) as f32;
-        let (policy_rows, value_rows) = (count(|part| &part.policy_rows), count(|part| &part.value_rows));
-        MinibatchOfMaps {
+        Losses {
             policy: PolicyLoss { clip: clip as f32, entropy: self.entropy as f32, scale: mean(policy_rows) },
             value: ValueLoss { clip: value_clip as f32, huber: huber as f32, scale: mean(value_rows) },
-            policy_rows,
-            value_rows,
         }
     }
-}
-
-/// The losses of a minibatch, and how many rows all maps have in it.
-struct MinibatchOfMaps {
-    policy: PolicyLoss,
-    value: ValueLoss,
-    policy_rows: usize,
-    value_rows: usize,
-}
-
-/// Part `i` of `n` parts, as equal as can be.
-fn part(rows: &[u32], i: usize, n: usize) -> &[u32] {
-    &rows[rows.len() * i / n..rows.len() * (i + 1) / n]
 }
 
 /// Estimates advantages and returns, and adapts the units of the critic to the returns. Returns the share of

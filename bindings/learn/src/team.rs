@@ -95,24 +95,28 @@ impl OnScenario {
         Some(OnScenario { specialisations, team: Team { actor, critic, normaliser: Normaliser::default() } })
     }
 
-    /// The team with the present parameters.
-    pub fn team(&mut self, universal: &Team) -> &Team {
+    /// Takes over the present parameters, and returns the team with them.
+    pub fn specialise(&mut self, universal: &Team) -> &Team {
         let [actor, critic] = &self.specialisations;
         actor.specialise(&universal.actor.params, &mut self.team.actor.params);
         critic.specialise(&universal.critic.params, &mut self.team.critic.params);
         &self.team
     }
 
+    /// The team, with the parameters that were taken over last.
+    pub fn team(&self) -> &Team {
+        &self.team
+    }
+
+    /// Of actor and critic.
+    pub fn specialisations(&self) -> &[Specialisation; 2] {
+        &self.specialisations
+    }
+
     /// The actor alone, which plays.
     pub fn into_actor(mut self, universal: &Network) -> Network {
         self.specialisations[0].specialise(&universal.params, &mut self.team.actor.params);
         self.team.actor
-    }
-
-    /// Adds gradients on the scenario, of actor and critic, to those of the universal networks.
-    pub fn take_back(&self, special: [&[f32]; 2], universal: [&mut [f32]; 2]) {
-        let gradients = special.into_iter().zip(universal);
-        self.specialisations.iter().zip(gradients).for_each(|(of, (from, to))| of.take_back(from, to));
     }
 }
 

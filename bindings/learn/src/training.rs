@@ -4,7 +4,7 @@
 //! Between restarts a run is resumed from snapshots of its environments.
 
 use crate::checkpoint::{Checkpoint, Progress};
-use crate::collect::{Collector, Draws};
+use crate::collect::{Collector, Draws, Playing, collect};
 use crate::config::{Config, ConfigError, Enemies};
 use crate::cpu_timer::CpuTimer;
 use crate::lane_error::LaneError;
@@ -242,12 +242,13 @@ impl Training {
         let Training { config, maps, state, ppo } = self;
         let (first_step, self_share) = (updates * config.horizon as u64, config.enemies.self_share());
         let mut league = state.league.clone(); // the state's stays if this update is interrupted
-        let mut waited = Duration::ZERO;
-        for MapOfRun { lanes, rollout, collector, on_scenario, seed } in maps.iter_mut() {
+        let playing = maps.iter_mut().map(|MapOfRun { lanes, rollout, collector, on_scenario, seed }| {
+            let team =
+                on_scenario.as_mut().map_or(&state.team, |on_scenario| on_scenario.specialise(&state.team));
             let draws = Draws { seed: *seed, first_step, self_share };
-            let team = on_scenario.as_mut().map_or(&state.team, |on_scenario| on_scenario.team(&state.team));
-            waited += collector.collect(lanes, &team.actor, &mut league, rollout, draws, interrupted)?;
-        }
+            Playing { collector, lanes, network: &team.actor, rollout, draws }
+        });
+        let waited = collect(&mut playing.collect::<Vec<_>>(), &mut league, interrupted)?;
         let learn_begin = Instant::now();
         let before = state.team.clone();
         let played = maps.iter_mut().map(|MapOfRun { rollout, on_scenario, seed, .. }| Played {

@@ -14,7 +14,7 @@ use display::Display;
 use smaclite_engine::{BattleSetup, Rules};
 use smaclite_ipc::{ClientError, RuntimeDir, WaitOptions, lane_scenario, status_within};
 use smaclite_learn::{
-    Activation, Algorithm, Config, Lanes, NetworkKind, Run, RunDescription, Seeds, TrainError,
+    Activation, Algorithm, Config, LaneError, Lanes, NetworkKind, Run, RunDescription, Seeds, TrainError,
     resolve_scenario,
 };
 use smaclite_pool::MAX_LAST_ACTIONS;
@@ -185,22 +185,15 @@ fn in_words(maps: &[BattleSetup]) -> String {
     format!("{} maps", maps.len())
 }
 
-/// Lanes for each map, among which the environments of the run are divided.
+/// Lanes of each map.
 fn lanes_of_maps(
     setups: &[BattleSetup],
     config: &Config,
     threads: usize,
     runtime_dir: &RuntimeDir,
-) -> Result<Vec<Lanes>, Box<dyn Error>> {
-    let n_maps = setups.len();
-    let begin = |map: usize| config.num_envs * map / n_maps;
-    let start = |(map, setup): (usize, &BattleSetup)| {
-        let num_envs = begin(map + 1) - begin(map);
-        // Maps are played one after the other, each by workers of its own.
-        let workers = (threads - 1).clamp(1, num_envs);
-        Lanes::start(setup, num_envs, config.last_actions, workers, runtime_dir)
-    };
-    Ok(setups.iter().enumerate().map(start).collect::<Result<_, _>>()?)
+) -> Result<Vec<Lanes>, LaneError> {
+    let Config { num_envs, last_actions, .. } = *config;
+    Lanes::start_maps(setups, num_envs, last_actions, (threads - 1).max(1), runtime_dir)
 }
 
 /// What is trained.
@@ -299,7 +292,7 @@ impl Train {
             let setups: Vec<BattleSetup> = [run.lanes_setup()].into_iter().chain(run.other_maps).collect();
             let name = in_words(&setups);
             if self.pool.is_some() {
-                return Err("a run on several maps plays in pools of its own: leave --pool out".into());
+                return Err("a run on several maps plays in a pool of its own: leave --pool out".into());
             }
             let lanes = lanes_of_maps(&setups, &run.config, threads, runtime_dir)?;
             let run = Run::resume_on_maps(folder, self.steps, lanes, threads)?;

@@ -3,9 +3,11 @@
 
 use super::*;
 use crate::architecture::Workspace;
+use crate::config::Algorithm;
 use crate::math::WIDTH;
 use crate::policy::{Choice, choose};
-use crate::random::uniform;
+use crate::random::{Purpose, generator, uniform};
+use crate::rollout::Rollout;
 use crate::team::agent_ids;
 use smaclite_engine::Sizes;
 

@@ -33,7 +33,7 @@ fn outputs(scenario: &Scenario, config: &Config, steps: usize) -> Vec<f32> {
     let (inputs, arena) = (inputs(scenario), Arc::new(Arena::new(scenario, Rules::Smaclite)));
     let mut on_scenario = OnScenario::new(config, &inputs).expect("a universal network");
     let team = team(config, &inputs);
-    let actor = &on_scenario.team(&team).actor;
+    let actor = &on_scenario.specialise(&team).actor;
     let (mut battle, mut scratch) = (Battle::new(Arc::clone(&arena), 3), Scratch::new());
     battle.reset();
     let mut actions = vec![0; scenario.n_agents()];
@@ -62,7 +62,7 @@ fn one_team_fits_every_standard_scenario() {
             let team = team(&config, &inputs);
             sizes.push((team.actor.params.len(), team.critic.params.len()));
             let mut on_scenario = OnScenario::new(&config, &inputs).unwrap();
-            let params = &on_scenario.team(&team).actor.params;
+            let params = &on_scenario.specialise(&team).actor.params;
             assert_eq!(params.len(), Architecture::actor(&config, &inputs).n_params(), "{name}");
         }
         assert!(sizes.iter().all(|size| *size == sizes[0]), "{sizes:?}");

@@ -17,11 +17,9 @@ fn setups(names: &[&str]) -> Vec<BattleSetup> {
     names.iter().map(|name| resolve_scenario(name, Rules::default()).unwrap()).collect()
 }
 
-/// Lanes with equal numbers of environments.
 fn lanes(place: &Place, setups: &[BattleSetup], config: &Config, threads: usize) -> Vec<Lanes> {
-    let num_envs = config.num_envs / setups.len();
-    let start = |setup| Lanes::start(setup, num_envs, config.last_actions, threads, &place.runtime_dir);
-    setups.iter().map(|setup| start(setup).unwrap()).collect()
+    let Config { num_envs, last_actions, .. } = *config;
+    Lanes::start_maps(setups, num_envs, last_actions, threads, &place.runtime_dir).unwrap()
 }
 
 fn begin(place: &Place, name: &str, setups: &[BattleSetup], config: &Config, threads: usize) -> Run {
