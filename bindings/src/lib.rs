@@ -108,7 +108,7 @@ mod _native {
         module.add("REWARD_DEFAULTS", rewards)?;
         let opponents = smaclite_engine::Opponent::ALL.map(smaclite_engine::Opponent::name);
         module.add("OPPONENTS", pyo3::types::PyTuple::new(module.py(), opponents)?)?;
-        let teams: Vec<&str> = smaclite_learn::zoo_scenarios().collect();
+        let teams: Vec<&str> = smaclite_learn::zoo_teams().collect();
         module.add("ZOO", pyo3::types::PyTuple::new(module.py(), teams)?)?;
         super::batch::add_field_properties(module.py())?;
         super::exit::register_atexit(module)

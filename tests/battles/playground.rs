@@ -2,7 +2,7 @@
 
 use smaclite_engine::Rules;
 use smaclite_ipc::RuntimeDir;
-use smaclite_learn::{Config, Lanes, NetworkKind, Run, TrainedTeam, resolve_scenario};
+use smaclite_learn::{Algorithm, Config, Lanes, NetworkKind, Run, TrainedTeam, resolve_scenario};
 use smaclite_playground::Team;
 use std::path::Path;
 
@@ -20,21 +20,25 @@ fn teams_of_the_zoo_have_the_outputs_that_the_learner_computes() {
     }
 }
 
-/// Over units, of teams without healers, with a healer, and with types that each episode draws.
+/// Over units, of teams without healers, with a healer, and with types that each episode draws; also those that
+/// fit every scenario.
 #[test]
 fn networks_over_units_have_the_outputs_that_the_learner_computes() {
     let place = tempfile::tempdir().unwrap();
     let runtime_dir = RuntimeDir::at(place.path().join("pools")).unwrap();
-    for map in ["3m", "MMM", "terran_5_vs_5"] {
-        let (network, hidden) = (NetworkKind::Units, vec![6, 10]);
-        let config = Config { network, hidden, num_envs: 4, horizon: 16, ..Config::for_agents(3) };
+    let maps = ["3m", "MMM", "terran_5_vs_5"];
+    let both = [NetworkKind::Units, NetworkKind::Universal];
+    for (network, map) in both.into_iter().flat_map(|network| maps.map(|map| (network, map))) {
+        let config = Config { hidden: vec![6, 10], num_envs: 4, horizon: 16, ..Config::for_agents(3) };
+        let config = Config { network, algorithm: Algorithm::Mappo, ..config };
         let config = Config { steps: 64, actor_lr: 0.05, last_actions: 1, ..config };
         let scenario = resolve_scenario(map, Rules::Smaclite).unwrap();
         let lanes = Lanes::start(&scenario, 4, 1, 1, &runtime_dir).unwrap();
-        let mut run = Run::begin(&place.path().join(map), config, &scenario, lanes, 1).unwrap();
+        let folder = place.path().join(format!("{map} {}", network.name()));
+        let mut run = Run::begin(&folder, config, &scenario, lanes, 1).unwrap();
         while run.update(&mut || false).unwrap().is_some() {}
         run.checkpoint().unwrap();
-        check_outputs(&place.path().join(map), "weights.safetensors");
+        check_outputs(&folder, "weights.safetensors");
     }
 }
 

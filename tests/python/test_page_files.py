@@ -70,7 +70,7 @@ def test_a_team_of_an_own_map_with_own_units_plays_there(browser: Any, keep: Pat
         last = page.last
         saved = save(page, tmp_path / "keep.smreplay")
         page.page.select_option("#scenario", "3m")
-        assert page.page.input_value("#team") == "3m"
+        assert page.page.input_value("#team") == "all-maps"
         page.page.select_option("#team", "keep, seed 0")
         assert page.text("#name") == "keep", "a team that is chosen brings its map"
         page.page.evaluate("history.replaceState(null, '', '#')")

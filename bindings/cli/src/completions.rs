@@ -7,7 +7,7 @@ use clap_complete::engine::{ArgValueCompleter, CompletionCandidate, PathComplete
 use clap_complete::env::{CompleteEnv, Shells};
 use smaclite_engine::Opponent;
 use smaclite_ipc::{RuntimeDir, running_pools};
-use smaclite_learn::zoo_scenarios;
+use smaclite_learn::zoo_teams;
 use smaclite_scenarios::Scenario;
 use std::ffi::{OsStr, OsString};
 use std::io::Write;
@@ -93,7 +93,7 @@ pub(super) fn pool() -> ArgValueCompleter {
 pub(super) fn player() -> ArgValueCompleter {
     ArgValueCompleter::new(|current: &OsStr| {
         let mut found = beginning_with(current, Opponent::scripts().map(Opponent::name));
-        found.extend(beginning_with(current, zoo_scenarios().map(|name| format!("zoo:{name}"))));
+        found.extend(beginning_with(current, zoo_teams().map(|name| format!("zoo:{name}"))));
         found.extend(PathCompleter::dir().complete(current));
         found
     })

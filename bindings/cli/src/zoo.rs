@@ -8,16 +8,18 @@ use std::path::Path;
 
 #[derive(Args)]
 #[command(after_help = "\
-Wherever the folder of a run stands for its team, zoo:SCENARIO is the team of that scenario. It has
-no evaluations and no checkpoint, so report, verify-run and train --resume do not take it:
+Wherever the folder of a run stands for its team, zoo:SCENARIO is the team of that scenario, and
+zoo:all-maps one that plays every map. It has no evaluations and no checkpoint, so report, verify-run
+and train --resume do not take it:
   smaclite-pool evaluate zoo:2s3z
+  smaclite-pool evaluate zoo:all-maps --map MMM
   smaclite-pool tournament zoo:3m attack_move kite
   smaclite-pool play 8m --against zoo:8m --open
 With --export, its files are written to a folder, which the playground opens, too:
   smaclite-pool zoo --export 3m teams/3m
 
-Teams were trained by the default configuration for two million steps; wins are
-those of the final evaluation.")]
+Teams were trained by the default configuration for two million steps, all-maps by train --maps;
+wins are those of the final evaluation, of all-maps the mean over the maps of SMAC (--json has each).")]
 pub(super) struct Zoo {
     /// Print one JSON object per team
     #[arg(long)]

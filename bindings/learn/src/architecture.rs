@@ -4,10 +4,10 @@ use crate::config::{Algorithm, Config, ConfigError, NetworkKind, ensure};
 use crate::linear::Tensor;
 use crate::mlp::{self, Mlp};
 use crate::units_network::{self, UnitsNetwork};
-use crate::universal::{self, InputMaps, Specialisation};
+use crate::universal::{self, Specialisation};
 use faer::MatRef;
 use rand_pcg::Pcg64Mcg;
-use smaclite_engine::{Sizes, TargetLayout, UnitLayout};
+use smaclite_engine::{Sizes, TargetLayout, UnitLayout, UniversalRows};
 use smaclite_scenarios::Scenario;
 use std::sync::Arc;
 
@@ -18,7 +18,7 @@ pub(crate) struct Inputs {
     /// `None` if observations have no units.
     units: Option<Arc<Units>>,
     /// How they become inputs of universal networks: of observations and of the state.
-    maps: Result<Arc<[InputMaps; 2]>, ConfigError>,
+    maps: Result<Arc<[UniversalRows; 2]>, ConfigError>,
 }
 
 /// Where observations and the state have which unit, and what actions target.
@@ -32,7 +32,7 @@ struct Units {
 impl Inputs {
     /// Those of the agents of a scenario with the figures of its rules; `obs_size` includes the last actions.
     pub fn new(scenario: &Scenario, sizes: Sizes, last_actions: usize) -> Inputs {
-        let maps = InputMaps::new(scenario, last_actions).map(Arc::new);
+        let maps = universal::input_maps(scenario, last_actions).map(Arc::new);
         let obs = UnitLayout::of_obs(scenario, sizes.obs_size);
         let units = obs.zip(TargetLayout::new(scenario)).map(|(obs, targets)| {
             let state = UnitLayout::of_state(scenario, sizes.state_size);

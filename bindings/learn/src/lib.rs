@@ -114,6 +114,6 @@ pub use tensors::FileError;
 pub use tournament::{PlayerScore, Score, Tournament, TournamentError, TournamentResult};
 pub use trained_team::{TeamTensor, TrainedTeam, UnfitTeam};
 pub use training::{Record, SelfPlayRecord, TrainError};
-pub use zoo::{names_team, zoo_scenarios};
-pub use zoo_cards::{ZooCard, zoo_cards};
+pub use zoo::{names_team, zoo_teams};
+pub use zoo_cards::{ZooCard, ZooResult, zoo_cards};
 pub use zoo_folders::{ExportError, export_zoo_team};

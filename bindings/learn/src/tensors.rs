@@ -1,6 +1,6 @@
 //! Files of named arrays in the safetensors format: written whole or not at all, and read with checks.
 
-use crate::zoo::{zoo_file, zoo_hint, zoo_scenarios};
+use crate::zoo::{zoo_file, zoo_hint, zoo_teams};
 use bytemuck::Pod;
 use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
@@ -36,7 +36,7 @@ pub enum FileError {
     OfZoo { folder: PathBuf, missing: &'static str },
     #[error("`{}` has no {missing}: {why}", folder.display())]
     NoWeights { folder: PathBuf, missing: &'static str, why: &'static str },
-    #[error("the zoo has no team `{name}`; it has {}", zoo_scenarios().collect::<Vec<_>>().join(", "))]
+    #[error("the zoo has no team `{name}`; it has {}", zoo_teams().collect::<Vec<_>>().join(", "))]
     NotInZoo { name: String },
     #[error("`{}` is damaged or not a file of a run: {}", path.display(), shown_reason(why))]
     Damaged { path: PathBuf, why: String },

@@ -1,13 +1,8 @@
 //! Networks over units that fit every scenario.
 //!
-//! The rows of units differ between scenarios in what they say of a unit's type (`type_2` is another type on
-//! every map), in whether they have a shield, and in how many actions there are. A universal network reads
-//! rows of one form: every feature that a scenario may have, and, in place of the number of the type, its
-//! *figures*; of a last action only whether it had a target.
-//!
-//! A row u of that form follows from the row x of a scenario by u = M x + m: M copies features and gives each
-//! type its figures, and m are those of a type that observations do not name, because it is the only one. So
-//! an affine map of u is one of x,
+//! A universal network reads rows of one form (`UniversalForm` of smaclite_engine), which say what the type of
+//! a unit is by its figures. A row u of that form follows from the row x of a scenario by u = M x + m, so an
+//! affine map of u is one of x,
 //!
 //!   W u + b = (W M) x + (b + W m),
 //!
@@ -16,117 +11,53 @@
 //! chain rule gives G Mᵀ + g mᵀ for W and g for b. Everything that plays or differentiates a network over
 //! units serves universal ones too.
 
-mod form;
-
 use crate::config::{Activation, ConfigError, NetworkKind};
 use crate::linear::Tensor;
 use crate::units_network::UnitsNetwork;
-use form::{Form, RowMap};
-use smaclite_engine::{TargetLayout, UnitLayout, UnitRows, obs_features, state_features};
+use smaclite_engine::{RowMap, TargetLayout, UnitLayout, UnitRows, UniversalForm, UniversalRows, action};
 use smaclite_scenarios::Scenario;
 use std::ops::Range;
 
-/// How rows of a scenario become rows of the one form.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct InputMaps {
-    enemies: RowMap,
-    allies: RowMap,
-    rest: RowMap,
-}
-
-impl InputMaps {
-    /// Those of observations and of the state, with so many last actions.
-    ///
-    /// # Errors
-    /// If the scenario's observations do not have the features, or not the actions, that all have.
-    pub fn new(scenario: &Scenario, last_actions: usize) -> Result<[InputMaps; 2], ConfigError> {
-        InputMaps::find(scenario, last_actions).map_err(|why| {
+/// The maps of observations and of the state of a scenario, with so many last actions.
+///
+/// # Errors
+/// If the scenario's observations do not have the features, or not the actions, that all have.
+pub(crate) fn input_maps(
+    scenario: &Scenario,
+    last_actions: usize,
+) -> Result<[UniversalRows; 2], ConfigError> {
+    let maps = |form: UniversalForm| {
+        form.rows(scenario).map_err(|why| {
             let accepted = "`flat` or `units` where not all is as on the standard maps";
             ConfigError::new("network", accepted, format!("`{}`: {why}", NetworkKind::Universal.name()))
         })
-    }
-
-    fn find(scenario: &Scenario, last_actions: usize) -> Result<[InputMaps; 2], String> {
-        let targets = TargetLayout::new(scenario).ok_or("observations have no units")?;
-        if targets.first != form::FIRST_TARGET {
-            return Err("agents have actions to look".into());
-        }
-        let [obs, state] = forms(last_actions);
-        let of_obs = obs.maps(scenario, &obs_features(scenario))?;
-        Ok([of_obs, state.maps(scenario, &state_features(scenario))?])
-    }
+    };
+    Ok([maps(UniversalForm::of_obs(last_actions))?, maps(UniversalForm::of_state())?])
 }
 
-/// The forms of observations and of the state.
-fn forms(last_actions: usize) -> [Forms; 2] {
-    [Forms::of_obs(last_actions), Forms::of_state()]
-}
-
-/// The forms of an input.
-struct Forms {
-    enemies: Form,
-    allies: Form,
-    rest: Form,
-}
-
-impl Forms {
-    fn of_obs(last_actions: usize) -> Forms {
-        let seen = ["distance", "dx", "dy", "health", "shield"];
-        let own = ["north", "south", "east", "west", "health", "shield", "x", "y"];
-        Forms {
-            enemies: Form::new(&[&["targetable"], &seen[..]].concat(), true, 0),
-            allies: Form::new(&[&["visible"], &seen[..]].concat(), true, 0),
-            rest: Form::new(&own, true, last_actions),
-        }
-    }
-
-    fn of_state() -> Forms {
-        let enemies = ["health", "rel_x", "rel_y", "shield"];
-        Forms {
-            enemies: Form::new(&enemies, true, 0),
-            allies: Form::new(&[&enemies[..], &["energy/cooldown"]].concat(), true, 1),
-            rest: Form::new(&[], false, 0),
-        }
-    }
-
-    fn maps(
-        &self,
-        scenario: &Scenario,
-        blocks: &[smaclite_engine::FeatureBlock],
-    ) -> Result<InputMaps, String> {
-        let reader = form::Reader::new(scenario, blocks);
-        Ok(InputMaps {
-            enemies: reader.enemies(&self.enemies)?,
-            allies: reader.allies(&self.allies)?,
-            rest: reader.rest(&self.rest)?,
-        })
-    }
-
-    /// A network for rows of these forms, whose parameters those of every scenario are made of.
-    fn network(
-        &self,
-        targets: Option<TargetLayout>,
-        widths: [usize; 2],
-        activation: Activation,
-    ) -> UnitsNetwork {
-        let mut end = 0;
-        let mut place = |form: &Form| {
-            end += form.width();
-            end - form.width()
-        };
-        let mut row = |form: &Form| UnitRows { count: 1, parts: vec![(place(form), form.width())] };
-        let (enemies, allies) = (row(&self.enemies), row(&self.allies));
-        let rest: Range<usize> = place(&self.rest)..end;
-        let rest = if rest.is_empty() { vec![] } else { vec![rest] };
-        UnitsNetwork::new(end, UnitLayout { enemies, allies, rest }, targets, widths, activation)
-    }
+/// A network for rows of this form, whose parameters those of every scenario are made of.
+fn network(
+    form: &UniversalForm,
+    targets: Option<TargetLayout>,
+    widths: [usize; 2],
+    activation: Activation,
+) -> UnitsNetwork {
+    let [enemies, allies, rest] = form.widths();
+    let row = |start, width| UnitRows { count: 1, parts: vec![(start, width)] };
+    let (begin, end) = (enemies + allies, enemies + allies + rest);
+    let layout = UnitLayout {
+        enemies: row(0, enemies),
+        allies: row(enemies, allies),
+        rest: [begin..end].into_iter().filter(|rest| !rest.is_empty()).collect(),
+    };
+    UnitsNetwork::new(end, layout, targets, widths, activation)
 }
 
 /// The actor that all scenarios specialise.
 pub(crate) fn actor(last_actions: usize, widths: [usize; 2], activation: Activation) -> UnitsNetwork {
     // A column that says who heals: so there are tensors for targets among allies.
-    let targets = TargetLayout { first: form::FIRST_TARGET, count: 1, heals: vec![0], healers: vec![] };
-    Forms::of_obs(last_actions).network(Some(targets), widths, activation)
+    let targets = TargetLayout { first: action::FIRST_TARGET, count: 1, heals: vec![0], healers: vec![] };
+    network(&UniversalForm::of_obs(last_actions), Some(targets), widths, activation)
 }
 
 /// The critic that all scenarios specialise: of the state, or of observations.
@@ -136,8 +67,8 @@ pub(crate) fn critic(
     widths: [usize; 2],
     activation: Activation,
 ) -> UnitsNetwork {
-    let [obs, state] = forms(last_actions);
-    if sees_state { state } else { obs }.network(None, widths, activation)
+    let form = if sees_state { UniversalForm::of_state() } else { UniversalForm::of_obs(last_actions) };
+    network(&form, None, widths, activation)
 }
 
 /// From the parameters of a universal network to those on a scenario, and gradients back.
@@ -158,7 +89,7 @@ enum Part {
 }
 
 impl Specialisation {
-    pub fn new(universal: &UnitsNetwork, special: &UnitsNetwork, maps: &InputMaps) -> Specialisation {
+    pub fn new(universal: &UnitsNetwork, special: &UnitsNetwork, maps: &UniversalRows) -> Specialisation {
         let (all, of_scenario) = (universal.tensors(), special.tensors());
         let range = |tensors: &[Tensor], name: &str| {
             let found = tensors.iter().find(|tensor| tensor.name == name);
@@ -181,7 +112,10 @@ impl Specialisation {
             let to = both(&of_scenario);
             let from = both(&all);
             if !to[1].is_empty() {
-                map.check([&from, &to].map(|[weight, bias]| (weight.len(), bias.len())));
+                let [in_form, on_scenario] = map.widths();
+                let n_out = from[1].len();
+                assert_eq!([from[0].len(), to[0].len()], [n_out * in_form, n_out * on_scenario], "{layer}");
+                assert_eq!(to[1].len(), n_out, "{layer}");
                 parts.push(Part::Rows { from, to, map: map.clone() });
             }
         }
@@ -205,7 +139,7 @@ impl Specialisation {
                 Part::Copy { from, to } => special[to.clone()].copy_from_slice(&universal[from.clone()]),
                 Part::Rows { from, to, map } => {
                     let [weight, bias] = from.each_ref().map(|range| &universal[range.clone()]);
-                    map.forward(weight, bias, special, to);
+                    map.forward([weight, bias], two_of(special, to));
                 }
             }
         }
@@ -220,11 +154,17 @@ impl Specialisation {
                 }
                 Part::Rows { from, to, map } => {
                     let [weight, bias] = to.each_ref().map(|range| &special[range.clone()]);
-                    map.backward(weight, bias, universal, from);
+                    map.backward([weight, bias], two_of(universal, from));
                 }
             }
         }
     }
+}
+
+/// The weights and the biases of a map, which follow one another.
+fn two_of<'a>(params: &'a mut [f32], [weight, bias]: &[Range<usize>; 2]) -> [&'a mut [f32]; 2] {
+    let (before, from_bias) = params.split_at_mut(bias.start);
+    [&mut before[weight.clone()], &mut from_bias[..bias.len()]]
 }
 
 #[cfg(test)]

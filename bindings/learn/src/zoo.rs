@@ -1,7 +1,7 @@
 //! The zoo: trained teams that are part of the program, one for each standard scenario that the default
-//! configuration wins. `just results-zoo` makes its files.
+//! configuration wins, and `all-maps`, which plays every scenario. `just results-zoo` makes its files.
 //!
-//! A team is called `zoo:SCENARIO` wherever the folder of a run stands for its team. Its files are those of a
+//! A team is called `zoo:SCENARIO`, or `zoo:all-maps`, wherever the folder of a run stands for its team. Its files are those of a
 //! run that others read (`run.json`, `best.safetensors`), and a card; without evaluations and a checkpoint,
 //! it can be neither reported, verified nor resumed.
 
@@ -49,12 +49,13 @@ const TEAMS: &[Files] = teams! {
     "8m_vs_9m"
     "MMM"
     "MMM2"
+    "all-maps"
     "bane_vs_bane"
     "corridor"
 };
 
-/// The scenarios that have a team in the zoo.
-pub fn zoo_scenarios() -> impl Iterator<Item = &'static str> {
+/// What the teams of the zoo are called: by their scenarios, and `all-maps`.
+pub fn zoo_teams() -> impl Iterator<Item = &'static str> {
     TEAMS.iter().map(|team| team.name)
 }
 
@@ -83,7 +84,7 @@ pub(crate) fn zoo_file(path: &Path) -> Option<&'static [u8]> {
 
 /// That the zoo has a team of this name, for an error that found none.
 pub(crate) fn zoo_hint(folder: &Path) -> String {
-    match zoo_scenarios().find(|name| folder == Path::new(name)) {
+    match zoo_teams().find(|name| folder == Path::new(name)) {
         Some(name) => format!("; the team of the zoo is `{PREFIX}{name}`"),
         None => String::new(),
     }
@@ -92,7 +93,7 @@ pub(crate) fn zoo_hint(folder: &Path) -> String {
 /// The name of a team that the zoo does not have, if this folder is called so.
 pub(crate) fn missing(folder: &Path) -> Option<&str> {
     let name = folder.to_str()?.strip_prefix(PREFIX)?;
-    (!zoo_scenarios().any(|team| team == name)).then_some(name)
+    (!zoo_teams().any(|team| team == name)).then_some(name)
 }
 
 #[cfg(test)]
@@ -106,7 +107,7 @@ mod tests {
         let mut names: Vec<_> =
             entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
         names.sort_unstable();
-        assert!(zoo_scenarios().eq(names));
+        assert!(zoo_teams().eq(names));
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use crate::description::OtherMap;
 use crate::tensors::{FileError, write};
-use crate::zoo::{PREFIX, folder, zoo_file, zoo_scenarios};
+use crate::zoo::{PREFIX, folder, zoo_file, zoo_teams};
 use std::path::{Path, PathBuf};
 
 /// Refuses a team of the zoo where more than its weights is needed.
@@ -19,7 +19,7 @@ pub(crate) fn refuse(folder: &Path, missing: &'static str) -> Result<(), FileErr
 /// If there is no such team, or the folder holds a run or cannot be written.
 pub fn export_zoo_team(scenario: &str, to: &Path) -> Result<(), ExportError> {
     let name = scenario.strip_prefix(PREFIX).unwrap_or(scenario);
-    if !zoo_scenarios().any(|team| team == name) {
+    if !zoo_teams().any(|team| team == name) {
         return Err(FileError::NotInZoo { name: name.to_owned() }.into());
     }
     if to.join("run.json").exists() {

@@ -87,8 +87,8 @@ pub use battle::Battle;
 pub use battle_setup::{BattleSetup, EpisodeLimit};
 pub use command::{IllegalAction, action};
 pub use encode::{
-    TargetLayout, UnitFeatures, UnitLayout, UnitRows, action_names, feature_bounds, obs_features,
-    state_features,
+    NotUniversal, RowMap, TargetLayout, UnitFeatures, UnitLayout, UnitRows, UniversalForm, UniversalRows,
+    action_names, feature_bounds, obs_features, state_features,
 };
 pub use features::FeatureBlock;
 pub use level::{LEVEL_COLUMNS, LevelError};

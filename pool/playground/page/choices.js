@@ -11,6 +11,19 @@ import { isText, nameOf } from "./scenario.js";
 /** What plays the agents if the chosen team cannot. */
 export const DEFAULT_TEAM = "nearest";
 
+/**
+ * Who plays the agents of a map by default: the team that was trained on it, one that plays every map, or a
+ * script.
+ * @param {TeamInfo[]} teams
+ * @param {string} scenario
+ */
+export function teamFor(teams, scenario) {
+  const map = nameOf(scenario) ?? scenario,
+    own = teams.find((team) => team.scenario === map && !team.is_universal),
+    any = teams.find((team) => team.is_universal);
+  return (own ?? any)?.name ?? DEFAULT_TEAM;
+}
+
 export class ChoiceBar {
   /**
    * @param {Choices} choices
@@ -56,12 +69,14 @@ export class ChoiceBar {
     const { teams } = this.choices,
       trained = teams.find(({ name }) => name === team),
       map = nameOf(scenario) ?? scenario;
-    if (changed === "team") this.wantsTrained = trained !== undefined;
-    if (trained?.scenario === map) return chosen;
-    // A trained team plays the units that it was trained with.
-    if (trained && changed === "team") return { ...chosen, scenario: trained.source };
-    const fitting = this.wantsTrained ? teams.find(({ scenario }) => scenario === map) : undefined;
-    return trained || fitting ? { ...chosen, team: fitting?.name ?? DEFAULT_TEAM } : chosen;
+    if (changed === "team") {
+      this.wantsTrained = trained !== undefined;
+      // Most trained teams play the units that they were trained with.
+      const moves = trained && !trained.is_universal && trained.scenario !== map;
+      return moves ? { ...chosen, scenario: trained.source } : chosen;
+    }
+    if (changed !== "scenario" || trained?.is_universal || !this.wantsTrained) return chosen;
+    return { ...chosen, team: teamFor(teams, scenario) };
   }
 
   /**
@@ -106,4 +121,5 @@ function group(label, values, text = String) {
  * What a team is called in the list: those of the page have the names of their maps.
  * @param {TeamInfo} team
  */
-const labelOf = ({ name, scenario }) => (name === scenario ? `${name} team` : name);
+const labelOf = ({ name, scenario, is_universal }) =>
+  name === scenario && !is_universal ? `${name} team` : name;

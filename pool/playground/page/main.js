@@ -6,7 +6,7 @@ import { titleCase } from "#view/battle.js";
 import { byId, isTouch } from "#view/dom.js";
 import { theme } from "#view/theme.js";
 import { inflate } from "#view/track.js";
-import { DEFAULT_TEAM } from "./choices.js";
+import { DEFAULT_TEAM, teamFor } from "./choices.js";
 import { Engine } from "./engine.js";
 import { listenToFiles } from "./files.js";
 import { base64, battleOf } from "./link.js";
@@ -28,8 +28,8 @@ const GUIDES = {
 };
 
 /**
- * The battle of the address, as the engine begins it. If the link names no team, one plays that was trained
- * on the map; the team of a link may have been added to another page, and then a script plays on.
+ * The battle of the address, as the engine begins it. The team of a link may have been added to another page;
+ * then a script plays on.
  * @param {Engine} engine
  * @param {string} link
  */
@@ -38,7 +38,7 @@ async function battleOfLink(engine, link) {
     { scenario, seed, opponent } = battle,
     { teams, policies } = engine.request({ type: "get_choices" });
   const names = [...policies, ...teams.map(({ name }) => name)];
-  const asked = battle.team || (teams.find(({ name }) => name === scenario)?.name ?? DEFAULT_TEAM),
+  const asked = battle.team || teamFor(teams, scenario),
     team = names.includes(asked) ? asked : DEFAULT_TEAM;
   const note =
     team === asked ? null : `This page has no team "${asked}"; ${titleCase(team)} plays on instead.`;
@@ -61,7 +61,10 @@ async function start(data) {
     replay: (name, bytes) => page.openReplay(name, bytes),
     scenario: (files) => {
       const { scenario } = engine.request({ type: "open_scenario", files });
-      page.choose({ ...page.shared, scenario, team: DEFAULT_TEAM, opponent: "" });
+      const opened = { ...page.shared, scenario, opponent: "" },
+        team = teamFor(page.choices.choices.teams, scenario);
+      // A team that plays every map does not know all that the observations of a scenario may have.
+      if (!page.choose({ ...opened, team })) page.choose({ ...opened, team: DEFAULT_TEAM });
     },
     team: (name, run, weights) => {
       const { teams } = engine.request({ type: "add_team", name, run, weights: base64(weights) });

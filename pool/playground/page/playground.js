@@ -203,14 +203,19 @@ export class Playground extends Commander {
     }
   }
 
-  /** @param {Omit<SharedBattle, "actions" | "taken">} choice */
+  /**
+   * Begins a battle; false if it is refused.
+   * @param {Omit<SharedBattle, "actions" | "taken">} choice
+   */
   choose({ scenario, team, opponent, seed }) {
     try {
       this.begin({ kind: "scenario", scenario, seed, opponent }, team);
       this.episodes.clear();
+      return true;
     } catch (error) {
       this.fail(error);
       this.choices.show(this.shared);
+      return false;
     }
   }
 

@@ -33,7 +33,11 @@ scenario: string,
 /**
  * That scenario as [`Source::Scenario`] has it.
  */
-source: string, };
+source: string, 
+/**
+ * Whether it plays every scenario.
+ */
+is_universal: boolean, };
 export type TeamFiles = { name: string, 
 /**
  * The text of `run.json`.

@@ -3,7 +3,7 @@
 
 use crate::game::{Game, GameError};
 use crate::protocol::{PlayedSteps, ReplayFile};
-use crate::team::Team;
+use crate::team::TeamOnScenario;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use smaclite_engine::policy::Scripted;
@@ -17,7 +17,7 @@ use std::rc::Rc;
 #[derive(Clone)]
 pub(crate) enum Player {
     Script(Box<Scripted>),
-    Team(Rc<Team>),
+    Team(Rc<TeamOnScenario>),
 }
 
 /// Why a request about a battle is refused.

@@ -2,6 +2,7 @@
 
 use safetensors::{Dtype, SafeTensors};
 use serde::Deserialize;
+use smaclite_engine::{NotUniversal, RowMap};
 
 /// The non-linearity of hidden layers.
 #[derive(Clone, Copy, Debug, Default, Deserialize)]
@@ -45,6 +46,14 @@ impl Layer {
         Ok(Layer { n_in, weight, bias: vec![0.0; n_out] })
     }
 
+    /// What this layer, of rows of the one form of all scenarios, is for rows of a scenario.
+    pub fn on(&self, rows: &RowMap) -> Layer {
+        let [_, n_in] = rows.widths();
+        let (mut weight, mut bias) = (vec![0.0; n_in * self.bias.len()], vec![0.0; self.bias.len()]);
+        rows.forward([&self.weight, &self.bias], [&mut weight, &mut bias]);
+        Layer { n_in, weight, bias }
+    }
+
     pub fn forward(&self, x: &[f32]) -> Vec<f32> {
         let rows = self.weight.chunks_exact(self.n_in).zip(&self.bias);
         rows.map(|(row, bias)| dot(row, x) + bias).collect()
@@ -62,6 +71,8 @@ pub(crate) enum WeightsError {
     Widths(Vec<usize>),
     #[error("observations have no units, but the network is one over units")]
     NoUnits,
+    #[error("{0}")]
+    NotUniversal(#[from] NotUniversal),
     #[error("every layer must have at least one input and output, got the widths {0:?}")]
     Width(Vec<usize>),
     #[error("`{0}` has a number that is not finite")]

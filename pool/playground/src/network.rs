@@ -5,7 +5,7 @@ use crate::layer::{Activation, Layer, WeightsError, array};
 use crate::units_network::UnitsNetwork;
 use safetensors::SafeTensors;
 use serde::{Deserialize, Deserializer};
-use smaclite_engine::{TargetLayout, UnitLayout};
+use smaclite_engine::{TargetLayout, UnitLayout, UniversalRows};
 
 /// Which network `run.json` names.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -13,6 +13,8 @@ pub(crate) enum NetworkKind {
     #[default]
     Flat,
     Units,
+    /// Over units, with weights that fit every scenario.
+    Universal,
 }
 
 /// With a message that names the key, which serde's would not.
@@ -22,12 +24,10 @@ impl<'de> Deserialize<'de> for NetworkKind {
         match value.as_str() {
             Some("flat") => Ok(NetworkKind::Flat),
             Some("units") => Ok(NetworkKind::Units),
-            Some("universal") => Err(serde::de::Error::custom(
-                "the page plays teams of one map: `smaclite-pool adapt FOLDER MAP --out OTHER` writes one",
-            )),
-            _ => {
-                Err(serde::de::Error::custom(format!("`network` must be \"flat\" or \"units\", got {value}")))
-            }
+            Some("universal") => Ok(NetworkKind::Universal),
+            _ => Err(serde::de::Error::custom(format!(
+                "`network` must be \"flat\", \"units\" or \"universal\", got {value}"
+            ))),
         }
     }
 }
@@ -61,18 +61,20 @@ impl Network {
         FlatNetwork::read(&arrays, widths, n_agents, activation).map(Network::Flat)
     }
 
-    /// The same of a network over units, from the widths of its hidden layers.
+    /// The same of a network over units, from the widths of its hidden layers; `rows` are how those of the
+    /// scenario become rows of a universal network.
     pub fn over_units(
         bytes: &[u8],
         layouts: Option<(UnitLayout, TargetLayout)>,
         hidden: &[usize],
         activation: Activation,
+        rows: Option<&UniversalRows>,
     ) -> Result<Network, WeightsError> {
         check_widths(hidden)?;
         let (layout, targets) = layouts.ok_or(WeightsError::NoUnits)?;
         let &[width, trunk_width] = hidden else { return Err(WeightsError::Widths(hidden.to_vec())) };
         let arrays = checked(bytes)?;
-        let network = UnitsNetwork::read(&arrays, layout, targets, [width, trunk_width], activation)?;
+        let network = UnitsNetwork::read(&arrays, layout, targets, [width, trunk_width], activation, rows)?;
         Ok(Network::Units(Box::new(network)))
     }
 

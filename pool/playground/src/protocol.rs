@@ -115,6 +115,8 @@ pub(crate) struct TeamInfo {
     pub scenario: String,
     /// That scenario as [`Source::Scenario`] has it.
     pub source: String,
+    /// Whether it plays every scenario.
+    pub is_universal: bool,
 }
 
 /// A text file that a person opens.

@@ -15,12 +15,11 @@ use smaclite_engine::policy::{Scripted, UnknownPolicy};
 use smaclite_scenarios::Scenario;
 use smaclite_view::page::{features_info, scenario_info};
 use smaclite_view::{Episode, Replay, ReplayError};
-use std::rc::Rc;
 
 /// The battle of one page, and what it can be played with.
 #[derive(Default)]
 pub struct Session {
-    teams: Vec<Rc<Team>>,
+    teams: Vec<Team>,
     replay: Option<Replay>,
     battle: Option<PlayedBattle>,
 }
@@ -95,10 +94,11 @@ impl Session {
     }
 
     fn team_infos(&self) -> Vec<TeamInfo> {
-        let info = |team: &Rc<Team>| TeamInfo {
+        let info = |team: &Team| TeamInfo {
             name: team.name().into(),
             scenario: team.scenario().into(),
             source: team.source().into(),
+            is_universal: team.is_universal(),
         };
         self.teams.iter().map(info).collect()
     }
@@ -108,7 +108,7 @@ impl Session {
         let weights = STANDARD.decode(&files.weights).map_err(SessionError::Base64)?;
         let team = Team::read(&files.name, &files.run, &weights)?;
         self.teams.retain(|other| other.name() != team.name());
-        self.teams.push(Rc::new(team));
+        self.teams.push(team);
         Ok(Response::AddTeam { teams: self.team_infos() })
     }
 
@@ -155,8 +155,7 @@ impl Session {
 
     fn player(&self, name: &str, game: &Game) -> Result<Player, SessionError> {
         if let Some(team) = self.teams.iter().find(|team| team.name() == name) {
-            team.check(&game.arena)?;
-            return Ok(Player::Team(team.clone()));
+            return Ok(Player::Team(team.on(game)?));
         }
         Ok(Player::Script(Box::new(Scripted::from_name(name, game.seed)?)))
     }

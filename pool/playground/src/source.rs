@@ -53,7 +53,7 @@ pub(crate) struct RunFile {
 }
 
 /// The hyperparameters that playing needs.
-#[derive(Deserialize)]
+#[derive(Debug, Deserialize)]
 pub(crate) struct RunConfig {
     #[serde(default)]
     pub network: NetworkKind,

@@ -1,13 +1,17 @@
 //! Trained teams, from the files that `smaclite-pool train` leaves in a folder.
 
+use crate::game::Game;
 use crate::layer::WeightsError;
 use crate::network::{Network, NetworkKind};
 use crate::source::{RunConfig, RunFile, source_of};
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
 use serde::de::Error;
-use smaclite_engine::{Arena, Battle, Scratch, Sides, Sizes, TargetLayout, UnitLayout, action};
-use smaclite_scenarios::Problems;
+use smaclite_engine::{
+    Arena, Battle, Scratch, Sides, Sizes, TargetLayout, UnitLayout, UniversalForm, UniversalRows, action,
+};
+use smaclite_scenarios::{Problems, Scenario};
+use std::rc::Rc;
 
 /// A trained team.
 #[derive(Debug)]
@@ -18,6 +22,15 @@ pub struct Team {
     scenario: String,
     /// That scenario as a request has it.
     source: String,
+    /// What it is there.
+    player: Rc<TeamOnScenario>,
+    /// Where it plays every scenario: its configuration and the bytes of its weights.
+    universal: Option<(RunConfig, Vec<u8>)>,
+}
+
+/// What a team is on a scenario.
+#[derive(Debug)]
+pub(crate) struct TeamOnScenario {
     /// The sizes of its side; `obs_size` includes the last actions.
     sizes: Sizes,
     last_actions: usize,
@@ -38,6 +51,8 @@ pub enum TeamError {
         "the team `{name}` was trained in {trained_in}: {expected}; the agents of this scenario are {given}"
     )]
     Unfit { name: String, trained_in: String, expected: String, given: String },
+    #[error("the team `{name}` cannot play this scenario: {why}")]
+    Other { name: String, why: String },
 }
 
 impl Team {
@@ -51,7 +66,7 @@ impl Team {
             Ok(run) => run,
             Err(error) => return Err(TeamError::Run { name, error }),
         };
-        let Some(RunConfig { network, hidden, activation, last_actions }) = run.config else {
+        let Some(config) = run.config else {
             return Err(TeamError::Run { name, error: Error::missing_field("config") });
         };
         let setup = match run.setup.sides {
@@ -62,25 +77,13 @@ impl Team {
             Ok(pair) => pair,
             Err(error) => return Err(TeamError::Scenario { name, error }),
         };
-        let sizes = with_history(arena.sizes(), last_actions);
-        let network = match network {
-            NetworkKind::Flat => {
-                let widths: Vec<usize> =
-                    [sizes.obs_size].into_iter().chain(hidden).chain([sizes.n_actions]).collect();
-                Network::flat(weights, &widths, sizes.n_agents, activation)
-            }
-            NetworkKind::Units => {
-                let layout = UnitLayout::of_obs(&scenario, sizes.obs_size);
-                let layouts = layout.zip(TargetLayout::new(&scenario));
-                Network::over_units(weights, layouts, &hidden, activation)
-            }
-        };
-        let network = network.map_err(|why: WeightsError| {
-            let why = why.to_string();
-            TeamError::Weights { name: name.clone(), why }
-        })?;
         let source = source_of(&setup, &scenario);
-        Ok(Team { name, scenario: scenario.name, source, sizes, last_actions, network })
+        let player = match TeamOnScenario::read(&config, weights, &setup.rules.figures(&scenario), &arena) {
+            Ok(player) => Rc::new(player),
+            Err(why) => return Err(TeamError::Weights { name, why: why.to_string() }),
+        };
+        let universal = (config.network == NetworkKind::Universal).then(|| (config, weights.to_owned()));
+        Ok(Team { name, scenario: scenario.name, source, player, universal })
     }
 
     /// What it is called.
@@ -98,31 +101,79 @@ impl Team {
         &self.source
     }
 
-    /// The sizes of its side; `obs_size` includes the last actions.
-    pub fn sizes(&self) -> Sizes {
-        self.sizes
+    /// Whether it plays every scenario.
+    pub(crate) fn is_universal(&self) -> bool {
+        self.universal.is_some()
     }
 
-    /// Whether the team can play the agents of an arena.
+    /// The sizes of its side where it was trained; `obs_size` includes the last actions.
+    pub fn sizes(&self) -> Sizes {
+        self.player.sizes
+    }
+
+    /// The outputs of its network where it was trained, f32 `[n_agents, n_actions]`, for observations
+    /// `[n_agents, obs_size]`, which include the last actions.
+    pub fn logits(&self, obs: &[f32]) -> Vec<f32> {
+        self.player.logits(obs)
+    }
+
+    /// What plays the agents of a game.
     ///
     /// # Errors
-    /// If it was trained for other units.
-    pub fn check(&self, arena: &Arena) -> Result<(), TeamError> {
-        let given = with_history(arena.sizes(), self.last_actions);
+    /// If the team was trained for other units, or its networks cannot read these.
+    pub(crate) fn on(&self, game: &Game) -> Result<Rc<TeamOnScenario>, TeamError> {
+        let Some((config, weights)) = &self.universal else {
+            self.check(&game.arena)?;
+            return Ok(Rc::clone(&self.player));
+        };
+        let scenario = game.setup.rules.figures(&game.scenario);
+        let player = TeamOnScenario::read(config, weights, &scenario, &game.arena);
+        player.map(Rc::new).map_err(|why| TeamError::Other { name: self.name.clone(), why: why.to_string() })
+    }
+
+    fn check(&self, arena: &Arena) -> Result<(), TeamError> {
+        let TeamOnScenario { sizes, last_actions, .. } = *self.player;
+        let given = with_history(arena.sizes(), last_actions);
         let shape = |sizes: Sizes| (sizes.n_agents, sizes.n_actions, sizes.obs_size);
-        if shape(self.sizes) == shape(given) {
+        if shape(sizes) == shape(given) {
             return Ok(());
         }
         let in_words = |Sizes { n_agents, n_actions, obs_size, .. }: Sizes| {
             format!("{n_agents} with {n_actions} actions and observations of {obs_size} numbers")
         };
         let (name, trained_in) = (self.name.clone(), self.scenario.clone());
-        Err(TeamError::Unfit { name, trained_in, expected: in_words(self.sizes), given: in_words(given) })
+        Err(TeamError::Unfit { name, trained_in, expected: in_words(sizes), given: in_words(given) })
+    }
+}
+
+impl TeamOnScenario {
+    /// From the bytes of weights and the scenario with the figures of its rules.
+    fn read(
+        config: &RunConfig,
+        weights: &[u8],
+        scenario: &Scenario,
+        arena: &Arena,
+    ) -> Result<TeamOnScenario, WeightsError> {
+        let RunConfig { network, ref hidden, activation, last_actions } = *config;
+        let sizes = with_history(arena.sizes(), last_actions);
+        let over_units = |rows: Option<&UniversalRows>| {
+            let layout = UnitLayout::of_obs(scenario, sizes.obs_size);
+            let layouts = layout.zip(TargetLayout::new(scenario));
+            Network::over_units(weights, layouts, hidden, activation, rows)
+        };
+        let network = match network {
+            NetworkKind::Flat => {
+                let widths: Vec<usize> = [&[sizes.obs_size], &hidden[..], &[sizes.n_actions]].concat();
+                Network::flat(weights, &widths, sizes.n_agents, activation)?
+            }
+            NetworkKind::Units => over_units(None)?,
+            NetworkKind::Universal => over_units(Some(&UniversalForm::of_obs(last_actions).rows(scenario)?))?,
+        };
+        Ok(TeamOnScenario { sizes, last_actions, network })
     }
 
-    /// The network's outputs, f32 `[n_agents, n_actions]`, for observations `[n_agents, obs_size]`, which
-    /// include the last actions.
-    pub fn logits(&self, obs: &[f32]) -> Vec<f32> {
+    /// See [`Team::logits`].
+    fn logits(&self, obs: &[f32]) -> Vec<f32> {
         let rows = obs.chunks_exact(self.sizes.obs_size).enumerate();
         rows.flat_map(|(agent, row)| self.network.forward(agent, row)).collect()
     }

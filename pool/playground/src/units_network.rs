@@ -2,7 +2,7 @@
 
 use crate::layer::{Activation, Layer, WeightsError};
 use safetensors::SafeTensors;
-use smaclite_engine::{TargetLayout, UnitLayout, UnitRows};
+use smaclite_engine::{RowMap, TargetLayout, UnitLayout, UnitRows, UniversalRows};
 
 /// An actor that has the same maps for all enemies, and for all allies.
 #[derive(Debug)]
@@ -33,15 +33,21 @@ struct Target {
 }
 
 impl UnitsNetwork {
-    /// The actor in a file of weights, with these widths of embeddings and trunk.
+    /// The actor in a file of weights, with these widths of embeddings and trunk. `rows` are how those of the
+    /// scenario become rows of a universal network.
     pub fn read(
         arrays: &SafeTensors<'_>,
         layout: UnitLayout,
         targets: TargetLayout,
         [width, trunk_width]: [usize; 2],
         activation: Activation,
+        rows: Option<&UniversalRows>,
     ) -> Result<UnitsNetwork, WeightsError> {
         let layer = |name: &str, n_in, n_out| Layer::read(arrays, name, n_in, n_out);
+        let of_rows = |name: &str, n_in, map: Option<&RowMap>| match map {
+            None => layer(name, n_in, width),
+            Some(map) => Ok(layer(name, map.widths()[0], width)?.on(map)),
+        };
         let target = |name: &str| -> Result<Target, WeightsError> {
             Ok(Target {
                 unit: Layer::without_bias(arrays, &format!("{name}.target.unit"), width, width)?,
@@ -49,20 +55,26 @@ impl UnitsNetwork {
                 score: layer(&format!("{name}.target.score"), width, 1)?,
             })
         };
-        let kind = |name: &str, rows: &UnitRows, is_target: bool| -> Result<Option<Kind>, WeightsError> {
-            if rows.count == 0 {
-                return Ok(None);
-            }
-            let first = layer(&format!("{name}.0"), rows.width(), width)?;
-            let layers = [first, layer(&format!("{name}.1"), width, width)?];
-            Ok(Some(Kind { layers, target: if is_target { Some(target(name)?) } else { None } }))
+        let kind =
+            |name: &str, units: &UnitRows, map, is_target: bool| -> Result<Option<Kind>, WeightsError> {
+                if units.count == 0 {
+                    return Ok(None);
+                }
+                let first = of_rows(&format!("{name}.0"), units.width(), map)?;
+                let layers = [first, layer(&format!("{name}.1"), width, width)?];
+                Ok(Some(Kind { layers, target: if is_target { Some(target(name)?) } else { None } }))
+            };
+        let enemies = kind("enemies", &layout.enemies, rows.map(|rows| &rows.enemies), true)?;
+        let allies = kind("allies", &layout.allies, rows.map(|rows| &rows.allies), targets.has_healers())?;
+        let pooled = |n_kinds: usize| width * (1 + 2 * n_kinds);
+        let n_pooled = pooled(enemies.iter().chain(&allies).count());
+        let first = match rows {
+            None => layer("trunk.0", n_pooled, trunk_width)?,
+            // Allies are pooled last, and an agent may have none.
+            Some(_) => layer("trunk.0", pooled(2), trunk_width)?.on(&RowMap::prefix(n_pooled, pooled(2))),
         };
-        let enemies = kind("enemies", &layout.enemies, true)?;
-        let allies = kind("allies", &layout.allies, targets.has_healers())?;
-        let n_kinds = enemies.iter().chain(&allies).count();
-        let first = layer("trunk.0", width * (1 + 2 * n_kinds), trunk_width)?;
         Ok(UnitsNetwork {
-            own: layer("own", layout.rest_width(), width)?,
+            own: of_rows("own", layout.rest_width(), rows.map(|rows| &rows.rest))?,
             trunk: [first, layer("trunk.1", trunk_width, trunk_width)?],
             head: layer("head", trunk_width, targets.first)?,
             layout,

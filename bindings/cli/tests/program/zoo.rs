@@ -10,10 +10,17 @@ fn teams_of_the_zoo_play_by_name() {
     let listed = output(folder, "zoo --json");
     let cards: Vec<Value> =
         listed.lines().map(|line| serde_json::from_str(line).expect("a JSON object")).collect();
-    assert!(cards.iter().all(|card| card["greedy"]["win_rate"].as_f64() >= Some(0.9)), "{listed}");
+    let wins = |result: &Value| result["greedy"]["win_rate"].as_f64() >= Some(0.9);
+    let (of_all, of_one): (Vec<&Value>, Vec<&Value>) =
+        cards.iter().partition(|card| card["scenario"] == "all-maps");
+    assert!(of_one.len() == 20 && of_one.into_iter().all(wins), "{listed}");
+    let maps = of_all[0]["maps"].as_object().expect("results by map");
+    assert!(maps.len() == 23 && maps.values().filter(|result| wins(result)).count() >= 15, "{maps:?}");
     assert_eq!(output(folder, "zoo").lines().count(), cards.len() + 1);
 
     let evaluated = output(folder, "evaluate zoo:3m --episodes 64 --seed 1 --greedy");
+    assert!(evaluated.contains("win rate     100.0 %"), "{evaluated}");
+    let evaluated = output(folder, "evaluate zoo:all-maps --map 8m --episodes 64 --seed 1 --greedy");
     assert!(evaluated.contains("win rate     100.0 %"), "{evaluated}");
     let tournament = output(folder, "tournament zoo:3m hold --episodes 10 --json");
     assert!(tournament.contains("zoo:3m"), "{tournament}");

@@ -9,6 +9,7 @@ mod state;
 mod tests;
 mod unit_layout;
 mod unit_tables;
+mod universal_rows;
 
 pub(crate) use avail::Available;
 pub use bounds::feature_bounds;
@@ -18,6 +19,7 @@ pub use state::UnitFeatures;
 pub(crate) use state::{types_in_state, write_state};
 pub use unit_layout::{TargetLayout, UnitLayout, UnitRows};
 pub(crate) use unit_tables::UnitTables;
+pub use universal_rows::{NotUniversal, RowMap, UniversalForm, UniversalRows};
 
 use crate::arena::Arena;
 use crate::units::Units;

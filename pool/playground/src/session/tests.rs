@@ -198,7 +198,7 @@ fn a_team_whose_layers_are_empty_is_refused() {
         assert!(error.is_some() == refusal.is_some() && error.unwrap_or("").contains(refusal.unwrap_or("")));
     }
     for (network, hidden, refusal) in [
-        ("graph", vec![4], "`network` must be \"flat\" or \"units\", got \"graph\""),
+        ("graph", vec![4], "`network` must be \"flat\", \"units\" or \"universal\", got \"graph\""),
         ("units", vec![4], "a network over units has two widths, got [4]"),
         ("units", vec![4, 4], "cannot be used: tensor `actor."),
     ] {
@@ -210,6 +210,32 @@ fn a_team_whose_layers_are_empty_is_refused() {
     }
     ask(&mut session, begin("3m", "a", &[], &[]));
     assert_eq!(ask(&mut session, json!({"type": "play_steps", "steps": 2}))["steps"], 2);
+}
+
+/// The page has one team, also for maps that a person opens. Types that it never saw are figures to it.
+#[test]
+fn a_universal_team_plays_every_map() {
+    let mut session = Session::default();
+    let zoo = concat!(env!("CARGO_MANIFEST_DIR"), "/../../bindings/learn/zoo/all-maps");
+    let run = std::fs::read_to_string(format!("{zoo}/run.json")).unwrap();
+    let weights = STANDARD.encode(std::fs::read(format!("{zoo}/best.safetensors")).unwrap());
+    let add = json!({"type": "add_team", "name": "all-maps", "run": run, "weights": weights});
+    assert_eq!(ask(&mut session, add)["teams"][0]["is_universal"], true);
+    let mut text: Value = serde_json::from_str(&ScenarioFiles::resolve("MMM").unwrap().1.text).unwrap();
+    text["name"] = json!("own");
+    let units = json!({"MARINE": 3, "HYDRALISK": 2, "MEDIVAC": 1});
+    (text["groups"][0]["units"], text["groups"][1]["units"]) = (units.clone(), units);
+    text["unit_type_ids"] = json!({"MARINE": 0, "HYDRALISK": 1, "MEDIVAC": 2});
+    (text["num_allied_units"], text["num_enemy_units"]) = (json!(6), json!(6));
+    let own = text.to_string();
+    for (scenario, wins) in [("8m", true), ("MMM", true), ("terran_5_vs_5", false), (&own, false)] {
+        assert_eq!(ask(&mut session, begin(scenario, "all-maps", &[], &[]))["type"], "begin_battle");
+        let steps = ask(&mut session, json!({"type": "play_steps", "steps": 1000}));
+        assert!(steps["steps"].as_u64() > Some(5) && (!wins || steps["result"] == "won"), "{steps}");
+    }
+    text["smacv2"] = json!({"conic_fov": true});
+    let refused = ask(&mut session, begin(&text.to_string(), "all-maps", &[], &[]));
+    assert!(refused.as_str().is_some_and(|error| error.contains("cannot play this scenario")), "{refused}");
 }
 
 /// A map of 32 x 32 squares whose square (x, y) is blocked if `is_blocked(x, y)`, as a request has it.

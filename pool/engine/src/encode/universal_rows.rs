@@ -1,12 +1,23 @@
-//! Rows of units in one form for all scenarios.
+//! Rows of units in one form for all scenarios, for networks whose weights fit every one.
+//!
+//! The rows of units differ between scenarios in what they say of a unit's type (`type_2` is another type on
+//! every map), in whether they have a shield, and in how many actions there are. Rows of the one form have
+//! every feature that a scenario may have, and, in place of the number of the type, its *figures*; of a last
+//! action only whether it had a target.
+//!
+//! A row u of that form follows from the row x of a scenario by u = M x + m: M copies features and gives each
+//! type its figures, and m are those of a type that observations do not name, because it is the only one. So
+//! an affine map of u is one of x: W u + b = (W M) x + (b + W m).
 
-use smaclite_engine::{FeatureBlock, action};
+use super::features::{action_names, obs_features, state_features};
+use super::unit_layout::TargetLayout;
+use crate::command::action;
+use crate::features::FeatureBlock;
 use smaclite_scenarios::{Faction, Placement, Scenario};
 use smaclite_units::{Plane, Targeter, UnitType};
-use std::ops::Range;
 
 /// The first action with a target.
-pub(super) const FIRST_TARGET: usize = action::FIRST_TARGET;
+const FIRST_TARGET: usize = action::FIRST_TARGET;
 
 /// What is kept of a last action: which of those without a target it was, or that it had one.
 const ACTION_CLASSES: usize = FIRST_TARGET + 1;
@@ -46,21 +57,98 @@ fn figures(unit: &UnitType) -> [f32; FIGURES] {
     .map(|number| number as f32)
 }
 
+/// Why a network for every scenario cannot play one: its rows have what the one form has not.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct NotUniversal(String);
+
+/// The form of an observation or of the state.
+#[derive(Clone, Debug)]
+pub struct UniversalForm {
+    enemies: Form,
+    allies: Form,
+    rest: Form,
+    is_obs: bool,
+}
+
+/// How the rows of a scenario become rows of the one form.
+#[derive(Clone, Debug, PartialEq)]
+pub struct UniversalRows {
+    /// Those of enemies.
+    pub enemies: RowMap,
+    /// Those of allies.
+    pub allies: RowMap,
+    /// What belongs to no other unit.
+    pub rest: RowMap,
+}
+
+impl UniversalForm {
+    /// That of observations, with so many last actions.
+    pub fn of_obs(last_actions: usize) -> UniversalForm {
+        let seen = ["distance", "dx", "dy", "health", "shield"];
+        let own = ["north", "south", "east", "west", "health", "shield", "x", "y"];
+        UniversalForm {
+            enemies: Form::new(&[&["targetable"], &seen[..]].concat(), true, 0),
+            allies: Form::new(&[&["visible"], &seen[..]].concat(), true, 0),
+            rest: Form::new(&own, true, last_actions),
+            is_obs: true,
+        }
+    }
+
+    /// That of the state.
+    pub fn of_state() -> UniversalForm {
+        let enemies = ["health", "rel_x", "rel_y", "shield"];
+        UniversalForm {
+            enemies: Form::new(&enemies, true, 0),
+            allies: Form::new(&[&enemies[..], &["energy/cooldown"]].concat(), true, 1),
+            rest: Form::new(&[], false, 0),
+            is_obs: false,
+        }
+    }
+
+    /// The widths of rows: of enemies, of allies, and of the rest.
+    pub fn widths(&self) -> [usize; 3] {
+        [&self.enemies, &self.allies, &self.rest].map(Form::width)
+    }
+
+    /// How rows of a scenario become rows of this form.
+    ///
+    /// # Errors
+    /// If the scenario's observations or states do not have the features, or not the actions, that all have.
+    pub fn rows(&self, scenario: &Scenario) -> Result<UniversalRows, NotUniversal> {
+        self.find(scenario).map_err(NotUniversal)
+    }
+
+    fn find(&self, scenario: &Scenario) -> Result<UniversalRows, String> {
+        let targets = TargetLayout::new(scenario).ok_or("observations have no units")?;
+        if targets.first != FIRST_TARGET {
+            return Err("agents have actions to look".into());
+        }
+        let blocks = if self.is_obs { obs_features(scenario) } else { state_features(scenario) };
+        let reader = Reader { scenario, blocks: &blocks };
+        Ok(UniversalRows {
+            enemies: reader.enemies(&self.enemies)?,
+            allies: reader.allies(&self.allies)?,
+            rest: reader.rest(&self.rest)?,
+        })
+    }
+}
+
 /// The features of a row, in their order: by name, then figures, then the last actions.
 #[derive(Clone, Debug)]
-pub(super) struct Form {
+struct Form {
     names: Vec<String>,
     n_figures: usize,
     last_actions: usize,
 }
 
 impl Form {
-    pub fn new(names: &[&str], has_figures: bool, last_actions: usize) -> Form {
+    fn new(names: &[&str], has_figures: bool, last_actions: usize) -> Form {
         let n_figures = if has_figures { FIGURES } else { 0 };
         Form { names: names.iter().map(|&name| name.to_owned()).collect(), n_figures, last_actions }
     }
 
-    pub fn width(&self) -> usize {
+    fn width(&self) -> usize {
         self.names.len() + self.n_figures + self.last_actions * ACTION_CLASSES
     }
 
@@ -77,7 +165,7 @@ impl Form {
 
 /// M and m: each column of a scenario's row adds to some columns of the form.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct RowMap {
+pub struct RowMap {
     /// The width of the form.
     width: usize,
     /// By column of the scenario.
@@ -91,32 +179,31 @@ impl RowMap {
         RowMap { width, columns: (0..n).map(|column| vec![(column, 1.0)]).collect(), constant: Vec::new() }
     }
 
-    /// Both maps have so many weights and biases.
-    pub fn check(&self, [universal, special]: [(usize, usize); 2]) {
-        assert_eq!(universal, (universal.1 * self.width, universal.1), "a map of rows of the form");
-        assert_eq!(special, (universal.1 * self.columns.len(), universal.1), "a map of rows of the scenario");
+    /// The widths of a row of the form, and of one of the scenario.
+    pub fn widths(&self) -> [usize; 2] {
+        [self.width, self.columns.len()]
     }
 
-    /// W M and b + W m, to the ranges of `special`.
-    pub fn forward(&self, weight: &[f32], bias: &[f32], special: &mut [f32], to: &[Range<usize>; 2]) {
+    /// Of W and b, row by row, W M and b + W m, to `to_weight` and `to_bias`.
+    pub fn forward(&self, [weight, bias]: [&[f32]; 2], [to_weight, to_bias]: [&mut [f32]; 2]) {
         let width = self.columns.len();
         for (output, bias) in bias.iter().enumerate() {
             let weight = &weight[output * self.width..][..self.width];
             let product = |terms: &[(usize, f32)]| {
                 terms.iter().map(|(column, factor)| weight[*column] * factor).sum::<f32>()
             };
-            special[to[1].start + output] = bias + product(&self.constant);
-            let row = &mut special[to[0].start + output * width..][..width];
+            to_bias[output] = bias + product(&self.constant);
+            let row = &mut to_weight[output * width..][..width];
             row.iter_mut().zip(&self.columns).for_each(|(to, terms)| *to = product(terms));
         }
     }
 
-    /// Adds G Mᵀ + g mᵀ and g to the ranges of `universal`.
-    pub fn backward(&self, weight: &[f32], bias: &[f32], universal: &mut [f32], to: &[Range<usize>; 2]) {
+    /// From G and g, the gradients of W M and b + W m: adds G Mᵀ + g mᵀ and g to those of W and b.
+    pub fn backward(&self, [weight, bias]: [&[f32]; 2], [to_weight, to_bias]: [&mut [f32]; 2]) {
         let width = self.columns.len();
         for (output, of_bias) in bias.iter().enumerate() {
-            universal[to[1].start + output] += of_bias;
-            let row = &mut universal[to[0].start + output * self.width..][..self.width];
+            to_bias[output] += of_bias;
+            let row = &mut to_weight[output * self.width..][..self.width];
             let mut add = |terms: &[(usize, f32)], gradient: f32| {
                 terms.iter().for_each(|(column, factor)| row[*column] += factor * gradient);
             };
@@ -128,30 +215,26 @@ impl RowMap {
 }
 
 /// Reads what the rows of a scenario mean.
-pub(super) struct Reader<'a> {
+struct Reader<'a> {
     scenario: &'a Scenario,
     blocks: &'a [FeatureBlock],
 }
 
-impl<'a> Reader<'a> {
-    pub fn new(scenario: &'a Scenario, blocks: &'a [FeatureBlock]) -> Reader<'a> {
-        Reader { scenario, blocks }
-    }
-
-    pub fn enemies(&self, form: &Form) -> Result<RowMap, String> {
+impl Reader<'_> {
+    fn enemies(&self, form: &Form) -> Result<RowMap, String> {
         self.rows(form, Faction::Enemy, &["enemies"])
     }
 
-    pub fn allies(&self, form: &Form) -> Result<RowMap, String> {
+    fn allies(&self, form: &Form) -> Result<RowMap, String> {
         self.rows(form, Faction::Ally, &["allies", "agents", "last_action"])
     }
 
     /// What belongs to no other unit; lanes append the agent's last actions.
-    pub fn rest(&self, form: &Form) -> Result<RowMap, String> {
+    fn rest(&self, form: &Form) -> Result<RowMap, String> {
         let of_units = ["enemies", "allies", "agents", "last_action"];
         let names = self.blocks.iter().map(|block| block.name).filter(|name| !of_units.contains(name));
         let mut map = self.rows(form, Faction::Ally, &names.collect::<Vec<_>>())?;
-        let n_actions = smaclite_engine::action_names(self.scenario).len();
+        let n_actions = action_names(self.scenario).len();
         if self.blocks.iter().any(|block| block.name == "own") {
             let ages = (0..form.last_actions).flat_map(|age| (0..n_actions).map(move |action| (age, action)));
             map.columns.extend(ages.map(|(age, action)| form.of_action(age, action)));
