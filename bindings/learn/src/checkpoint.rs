@@ -9,7 +9,7 @@ use crate::config::Config;
 use crate::lanes::SavedEnvs;
 use crate::league::{League, Player, Rival};
 use crate::normaliser::Normaliser;
-use crate::rollout::{Against, Ended, Episode};
+use crate::rollout::{Against, Ended, Episode, Recent};
 use crate::team::{Network, Team};
 use crate::tensors::{Array, Arrays, FileError, encode, read, write};
 use std::path::Path;
@@ -34,7 +34,7 @@ pub(crate) struct Checkpoint {
     pub team: Team,
     pub progress: Progress,
     /// The newest episodes that ended, the oldest first.
-    pub recent: Vec<Ended>,
+    pub recent: Vec<Recent>,
     /// Of each map. `None` before the first update, and if a lane does not serve snapshots.
     pub envs: Option<Vec<SavedEnvs>>,
     /// Who plays the enemies. The policies of rivals are in files of their own.
@@ -55,10 +55,11 @@ impl Checkpoint {
         let Progress { updates, steps, episodes, seconds, cpu_seconds } = *progress;
         let Normaliser { mean, square, weight } = team.normaliser;
         let counts = [updates, steps, episodes, team.actor.adam.steps, team.critic.adam.steps];
-        let against: Vec<u8> = recent.iter().map(|ended| ended.against as u8).collect();
+        let against: Vec<u8> = recent.iter().map(|recent| recent.ended.against as u8).collect();
+        let maps: Vec<u64> = recent.iter().map(|recent| recent.map).collect();
         let recent: Vec<f32> = recent
             .iter()
-            .flat_map(|Ended { episode, .. }| {
+            .flat_map(|Recent { ended: Ended { episode, .. }, .. }| {
                 [episode.episode_return, episode.length as f32, f32::from(u8::from(episode.won))]
             })
             .collect();
@@ -68,6 +69,9 @@ impl Checkpoint {
             Array::flat("normaliser", &[mean, square, weight]),
             Array::flat("recent_episodes", &recent),
         ];
+        if maps.iter().any(|map| *map > 0) {
+            arrays.push(Array::flat("recent_maps", &maps));
+        }
         for (map, SavedEnvs { snapshots, over }) in envs.iter().flatten().enumerate() {
             arrays.push(Array::flat(of_map("snapshots", map), snapshots));
             arrays.push(Array::flat(of_map("over", map), over));
@@ -175,11 +179,15 @@ fn read_league(
     Ok(League { rivals, players: players.into_iter().map(player).collect() })
 }
 
-fn read_recent(arrays: &Arrays) -> Result<Vec<Ended>, FileError> {
+fn read_recent(arrays: &Arrays) -> Result<Vec<Recent>, FileError> {
     let recent: Vec<f32> = arrays.values("recent_episodes")?;
     let against: Vec<u8> = match arrays.has("recent_against") {
         true => arrays.shaped("recent_against", &[recent.len() / 3])?,
         false => vec![Against::Script as u8; recent.len() / 3],
+    };
+    let maps: Vec<u64> = match arrays.has("recent_maps") {
+        true => arrays.shaped("recent_maps", &[recent.len() / 3])?,
+        false => vec![0; recent.len() / 3],
     };
     let ended = |(values, against): (&[f32], u8)| Ended {
         episode: Episode { episode_return: values[0], length: values[1] as i32, won: values[2] != 0.0 },
@@ -189,7 +197,8 @@ fn read_recent(arrays: &Arrays) -> Result<Vec<Ended>, FileError> {
             _ => Against::Script,
         },
     };
-    Ok(recent.chunks_exact(3).zip(against).map(ended).collect())
+    let ended = recent.chunks_exact(3).zip(against).map(ended);
+    Ok(ended.zip(maps).map(|(ended, map)| Recent { ended, map }).collect())
 }
 
 /// Reads the parameters of a network and its optimiser, which has made `steps` steps.

@@ -28,6 +28,8 @@ pub enum LaneError {
     TooLarge { lane: String, n_agents: usize, n_actions: usize },
     #[error("the lanes have {given} environments, but the run has {expected}")]
     NumEnvs { given: usize, expected: usize },
+    #[error("two maps of the run are called `{name}`; each must have a name of its own")]
+    SameName { name: String },
     #[error("the run has {expected} maps, but lanes were given for {given}")]
     Maps { given: usize, expected: usize },
     #[error("the maps have {given:?} environments, but those of the checkpoint {expected:?}")]

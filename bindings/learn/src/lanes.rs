@@ -268,6 +268,11 @@ impl Lanes {
         self.lanes.iter().map(|lane| lane.settings.num_envs).sum()
     }
 
+    /// The name of the scenario.
+    pub(crate) fn scenario(&self) -> &str {
+        self.lanes.first().map_or("", |lane| &lane.client.description().scenario)
+    }
+
     /// How many of its own last actions an agent observes.
     pub fn last_actions(&self) -> usize {
         self.lanes.first().map_or(0, |lane| lane.settings.obs_last_actions)

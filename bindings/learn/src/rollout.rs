@@ -37,6 +37,14 @@ pub(crate) struct Ended {
     pub against: Against,
 }
 
+/// One of the newest episodes of a run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Recent {
+    pub ended: Ended,
+    /// The number of its map.
+    pub map: u64,
+}
+
 /// What happened in `horizon` steps; a sample is a seat in one of them.
 #[derive(Debug)]
 pub(crate) struct Rollout {

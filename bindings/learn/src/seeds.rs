@@ -55,7 +55,7 @@ pub struct Seeds {
 }
 
 /// What happens in one of the runs.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub enum SeedEvent {
     /// It begins or continues, from the last checkpoint. The record says how far it is; what it says of an
     /// update is 0.

@@ -12,16 +12,18 @@ use crate::lanes::{Lanes, SavedEnvs};
 use crate::league::{League, Rival};
 use crate::ppo::{Diverged, Played, Ppo, UpdateError, UpdateStats};
 use crate::random::{Purpose, generator, seed};
-use crate::rollout::{Against, Ended, Rollout};
+use crate::rollout::{Against, Ended, Recent, Rollout};
 use crate::team::{Network, OnScenario, Team};
 use crate::tensors::FileError;
 use smaclite_ipc::ClientError;
+use std::borrow::Cow;
+use std::collections::HashSet;
 use std::time::{Duration, Instant};
 
 /// Updates between two restarts of the environments.
 const RESTART_INTERVAL: u64 = 32;
 
-/// How many episodes the statistics of a record are about, of all maps together.
+/// How many episodes per map the statistics of a record are about.
 const RECENT: usize = 200;
 
 /// Why a run could not begin or continue.
@@ -83,9 +85,9 @@ impl MapOfRun {
     }
 }
 
-/// What an update did, and how far the run is. Statistics of episodes are of the newest 200; they are NaN
-/// before the first episode has ended.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// What an update did, and how far the run is. Statistics of episodes are of the newest 200, or 200 times the
+/// number of maps; they are NaN before the first episode has ended.
+#[derive(Clone, Debug, PartialEq)]
 #[allow(missing_docs)] // `columns` has the names, and docs/how-to/training.md their meaning
 pub struct Record {
     pub updates: u64,
@@ -107,6 +109,8 @@ pub struct Record {
     pub learn_share: f64,
     /// `None` if the team does not play itself.
     pub self_play: Option<SelfPlayRecord>,
+    /// The win rates by map, of the same episodes; none if there is one map.
+    pub win_rates: Vec<(String, f64)>,
 }
 
 /// Win rates by who played the enemies, of the same episodes as the others; and the copies that are drawn
@@ -124,7 +128,7 @@ impl Record {
     /// Names and values, as in the logs. The first three are integers. Those before `seconds`, and those
     /// after
     /// `learn_share`, are the same in every run with this seed.
-    pub fn columns(&self) -> Vec<(&'static str, f64)> {
+    pub fn columns(&self) -> Vec<(Cow<'static, str>, f64)> {
         let stats = &self.stats;
         let mut columns = vec![
             ("update", self.updates as f64),
@@ -158,7 +162,9 @@ impl Record {
                 ("league_size", self_play.league_size as f64),
             ]);
         }
-        columns
+        let columns = columns.into_iter().map(|(name, value)| (Cow::Borrowed(name), value));
+        let of_map = |(map, rate): &(String, f64)| (Cow::Owned(format!("win_rate_{map}")), *rate);
+        columns.chain(self.win_rates.iter().map(of_map)).collect()
     }
 }
 
@@ -218,6 +224,10 @@ impl Training {
         if given != expected {
             return Err(LaneError::NumEnvs { given, expected }.into());
         }
+        let mut names = HashSet::new();
+        if let Some(map) = lanes.iter().find(|map| !names.insert(map.scenario())) {
+            return Err(LaneError::SameName { name: map.scenario().to_owned() }.into());
+        }
         lanes.into_iter().enumerate().map(|(number, lanes)| MapOfRun::new(config, number, lanes)).collect()
     }
 
@@ -270,7 +280,7 @@ impl Training {
         state.envs = saved.collect::<Result<Option<Vec<_>>, _>>()?;
         let rollouts = || maps.iter().map(|map| &map.rollout);
         state.recent.extend(in_turn(rollouts().map(|rollout| &rollout.episodes[..])));
-        state.recent.drain(..state.recent.len().saturating_sub(RECENT));
+        state.recent.drain(..state.recent.len().saturating_sub(RECENT * maps.len()));
         state.progress.updates += 1;
         state.league = league;
         if let Enemies::SelfPlay(play) = config.enemies
@@ -298,7 +308,12 @@ impl Training {
     pub fn record(&self) -> Record {
         let Checkpoint { progress, recent, league, .. } = &self.state;
         let Progress { updates, steps, episodes, seconds, cpu_seconds } = *progress;
-        let mean = |value: fn(&Ended) -> f64| recent.iter().map(value).sum::<f64>() / recent.len() as f64;
+        let mean = |value: fn(&Ended) -> f64| mean(recent.iter().map(|recent| value(&recent.ended)));
+        let of_map = |(number, map): (usize, &MapOfRun)| {
+            let of_map = recent.iter().filter(|recent| recent.map == number as u64);
+            (map.lanes.scenario().to_owned(), self::mean(of_map.map(|recent| won(&recent.ended))))
+        };
+        let is_one = self.maps.len() == 1;
         Record {
             updates,
             steps,
@@ -318,6 +333,7 @@ impl Training {
                 win_rate_attack_move: win_rate(recent, Against::Script),
                 league_size: league.size() as u64,
             }),
+            win_rates: self.maps.iter().enumerate().filter(|_| !is_one).map(of_map).collect(),
         }
     }
 
@@ -343,12 +359,19 @@ impl Training {
 
 /// The episodes of all maps, as they would have ended if the maps had been played at once: the newest of a
 /// run are those of all its maps.
-fn in_turn<'a>(maps: impl Iterator<Item = &'a [Ended]>) -> impl Iterator<Item = Ended> {
-    let when = |(i, ended): (usize, &Ended), count: usize| ((i as f64 + 0.5) / count as f64, *ended);
-    let of_map = |ended: &'a [Ended]| ended.iter().enumerate().map(move |each| when(each, ended.len()));
-    let mut all: Vec<(f64, Ended)> = maps.flat_map(of_map).collect();
+fn in_turn<'a>(maps: impl Iterator<Item = &'a [Ended]>) -> impl Iterator<Item = Recent> {
+    let of_map = |(map, all): (usize, &'a [Ended])| {
+        let when = move |i: usize| (i as f64 + 0.5) / all.len() as f64;
+        all.iter().enumerate().map(move |(i, ended)| (when(i), Recent { ended: *ended, map: map as u64 }))
+    };
+    let mut all: Vec<(f64, Recent)> = maps.enumerate().flat_map(of_map).collect();
     all.sort_by(|(a, _), (b, _)| a.total_cmp(b));
-    all.into_iter().map(|(_, ended)| ended)
+    all.into_iter().map(|(_, recent)| recent)
+}
+
+/// NaN of nothing.
+fn mean(values: impl Iterator<Item = f64> + Clone) -> f64 {
+    values.clone().sum::<f64>() / values.count() as f64
 }
 
 fn won(ended: &Ended) -> f64 {
@@ -356,9 +379,8 @@ fn won(ended: &Ended) -> f64 {
 }
 
 /// Of the episodes against such enemies; NaN if there are none.
-fn win_rate(recent: &[Ended], against: Against) -> f64 {
-    let of_kind = || recent.iter().filter(|ended| ended.against == against);
-    of_kind().map(won).sum::<f64>() / of_kind().count() as f64
+fn win_rate(recent: &[Recent], against: Against) -> f64 {
+    mean(recent.iter().map(|recent| &recent.ended).filter(|ended| ended.against == against).map(won))
 }
 
 #[cfg(test)]
@@ -373,7 +395,13 @@ mod tests {
             vec![Ended { episode, against: Against::Script }; count]
         };
         let maps = [of_map(1, 300), of_map(2, 100), of_map(3, 1)];
-        let all: Vec<i32> = in_turn(maps.iter().map(|ended| &ended[..])).map(|e| e.episode.length).collect();
+        let all = in_turn(maps.iter().map(|ended| &ended[..]));
+        let all: Vec<i32> = all
+            .map(|recent| {
+                assert_eq!(recent.ended.episode.length, recent.map as i32 + 1);
+                recent.ended.episode.length
+            })
+            .collect();
         assert_eq!(all.len(), 401);
         let counts = |lengths: &[i32]| [1, 2, 3].map(|map| lengths.iter().filter(|l| **l == map).count());
         assert_eq!(counts(&all[all.len() - RECENT..]), [150, 50, 0]);

@@ -170,9 +170,9 @@ def load_team(
             batch = envs.step(np.concatenate([team(batch), rival(batch)], axis=1))
 
     Args:
-        team: the name of a scenario in `ZOO`, `"all-maps"` (with `map`), or a folder, as `--out` of `smaclite-pool train` or `out` of
-            `train`. If there is a folder of that name, it is taken; `"zoo:2s3z"` is always that of the
-            package.
+        team: the name of a scenario in `ZOO`, `"all-maps"` with `map`, or a folder, as `--out` of
+            `smaclite-pool train` or `out` of `train`. If there is a folder of that name, it is taken;
+            `"zoo:2s3z"` is always that of the package.
         weights: those of the best evaluation of the run (`"best"`) or its last ones (`"last"`). None for the
             best ones if the run was evaluated and did not play itself, else the last.
         greedy: take the most probable actions, instead of drawing them.

@@ -96,7 +96,7 @@ pub(super) fn minutes(seconds: f64) -> String {
 pub(super) fn json_of(record: &Record) -> serde_json::Map<String, Value> {
     let number = |i, value: f64| if i < 3 { Value::from(value as u64) } else { Value::from(value) };
     let columns = record.columns().into_iter().enumerate();
-    columns.map(|(i, (name, value))| (name.to_owned(), number(i, value))).collect()
+    columns.map(|(i, (name, value))| (name.into_owned(), number(i, value))).collect()
 }
 
 /// The result of an evaluation in words.

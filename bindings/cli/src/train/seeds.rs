@@ -105,11 +105,13 @@ impl Display {
                 Ok(())
             }
             SeedEvent::Updated(record) => {
-                self.runs.entry(seed).and_modify(|run| run.last = record);
                 if self.json {
                     let mut object = json_of(&record);
                     object.insert("seed".to_owned(), seed.into());
                     out!("{}", Value::Object(object))?;
+                }
+                self.runs.entry(seed).and_modify(|run| run.last = record);
+                if self.json {
                     return Ok(());
                 }
                 let line = self.line(self.begin.map(|begin| begin.elapsed()).unwrap_or_default());
@@ -186,6 +188,7 @@ mod tests {
             wait_share: 0.0,
             learn_share: 0.0,
             self_play: None,
+            win_rates: Vec::new(),
         }
     }
 

@@ -23,7 +23,7 @@ fn checkpoint(config: &Config) -> Checkpoint {
     team.critic.adam.steps = 7;
     let progress = Progress { updates: 3, steps: 500, episodes: 4, seconds: 1.5, cpu_seconds: 2.5 };
     let episode = Episode { episode_return: 3.5, length: 20, won: true };
-    let recent = vec![Ended { episode, against: Against::Script }];
+    let recent = vec![Recent { ended: Ended { episode, against: Against::Script }, map: 0 }];
     let envs = Some(SavedEnvs { snapshots: vec![5; 3 * 16], over: vec![0, 1, 0] });
     Checkpoint { team, progress, recent, envs: envs.map(|envs| vec![envs]), league: League::default() }
 }
@@ -48,7 +48,8 @@ fn a_league_is_read_as_it_was_written() {
     let players = vec![Player::Rival(10), Player::Own, Player::Rival(20)];
     let mut written = Checkpoint { league: League { rivals, players }, ..checkpoint(&config) };
     for against in [Against::Own, Against::Rival] {
-        written.recent.push(Ended { against, ..written.recent[0] });
+        let Recent { ended: Ended { episode, .. }, .. } = written.recent[0];
+        written.recent.push(Recent { ended: Ended { episode, against }, map: 2 });
     }
     written.write(&path).unwrap();
     assert_eq!(read_checkpoint(&path, &config).unwrap(), written);

@@ -31,7 +31,7 @@ impl CsvLog {
         let mut text = line.join(",") + "\n";
         let mut append = || -> io::Result<()> {
             if self.file.metadata()?.len() == 0 {
-                text = columns.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(",") + "\n" + &text;
+                text = columns.iter().map(|(name, _)| &**name).collect::<Vec<_>>().join(",") + "\n" + &text;
             }
             self.file.write_all(text.as_bytes())
         };

@@ -53,12 +53,12 @@ impl TensorBoardLog {
     fn append_values(
         &mut self,
         steps: u64,
-        values: impl Iterator<Item = (&'static str, f64)>,
+        values: impl Iterator<Item = (impl AsRef<str>, f64)>,
     ) -> Result<(), FileError> {
         let mut summary = Vec::new();
         for (name, value) in values {
             let mut message = Vec::new();
-            bytes_field(&mut message, 1, name.as_bytes());
+            bytes_field(&mut message, 1, name.as_ref().as_bytes());
             message.push(2 << 3 | 5); // 32 bits
             message.extend((value as f32).to_le_bytes());
             bytes_field(&mut summary, 1, &message);

@@ -69,6 +69,9 @@ fn a_resumed_run_on_several_maps_has_the_same_bits_on_any_number_of_threads() {
     drop(run);
     let run = RunDescription::read(&place.path("resumed")).unwrap();
     assert_eq!((run.name.as_str(), &run.other_maps[..]), ("3m", &setups[1..]));
+    let log = std::fs::read_to_string(place.path("whole").join("log.csv")).unwrap();
+    let header = log.lines().next().unwrap();
+    assert!(header.ends_with("learn_share,win_rate_3m,win_rate_2s3z,win_rate_MMM"), "{header}");
     let resumed = lanes(&place, &setups, &config, 1);
     complete(Run::resume_on_maps(&place.path("resumed"), None, resumed, 1).unwrap());
     assert_eq!(place.outcome("resumed"), place.outcome("whole"));
@@ -104,11 +107,14 @@ fn what_is_for_one_map_is_refused() {
     place.train("flat", &small(), 1);
     let error = play(&place, "flat", "8m", 2).unwrap_err();
     assert!(error.starts_with("the team was trained in `3m` and plays that alone"), "{error}");
-    let setups = setups(&["3m", "8m"]);
-    let refuse = |config: Config| {
+    let refuse_on = |maps: &[&str], config: Config| {
+        let setups = setups(maps);
         let maps = setups.iter().cloned().zip(lanes(&place, &setups, &config, 1)).collect();
         Run::begin_on_maps(&place.path("new"), config, maps, 1).err().unwrap().to_string()
     };
+    let error = refuse_on(&["3m", "8m", "3m"], universal(Config { num_envs: 6, ..small() }));
+    assert_eq!(error, "two maps of the run are called `3m`; each must have a name of its own");
+    let refuse = |config: Config| refuse_on(&["3m", "8m"], config);
     let error = refuse(small());
     assert_eq!(error, "network must be `universal` with several maps, got `flat`");
     let error = refuse(universal(evaluated()));
