@@ -20,15 +20,18 @@ from . import data, runs
 
 EVALUATE_EVERY = 100_000
 
+FLAT = ("--network", "flat")
+"""The default when the runs of the page were made."""
+
 GROUPS: dict[str, dict[str, list[str]]] = {
-    "default": {scenario: [] for scenario in sp.scenarios(generated=False)},
-    "generated": {scenario: ["--network", "flat"] for scenario in sp.scenarios(generated=True)},
+    "default": {scenario: [*FLAT] for scenario in sp.scenarios(generated=False)},
+    "generated": {scenario: [*FLAT] for scenario in sp.scenarios(generated=True)},
     "open-loop": {f"{race}_5_vs_5": [] for race in ("protoss", "terran", "zerg")},
     "other-critic": {
-        scenario: ["--algorithm", "ippo" if data.sees_state(scenario) else "mappo"]
+        scenario: [*FLAT, "--algorithm", "ippo" if data.sees_state(scenario) else "mappo"]
         for scenario in sp.scenarios(generated=False)
     },
-    "paper-rules": {scenario: ["--rules", "paper"] for scenario in ("MMM", "MMM2")},
+    "paper-rules": {scenario: [*FLAT, "--rules", "paper"] for scenario in ("MMM", "MMM2")},
 }
 """What is trained for each report: scenarios, with options other than the defaults. In the group `open-loop`,
 agents observe the time, their own number and their own last actions alone."""

@@ -2,7 +2,8 @@
 
 A team is in the zoo if its best weights win at least 90 % of the 320 greedy episodes of its final evaluation.
 Of several seeds, the one is taken whose worse win rate, of greedy and of sampled actions, is highest. Runs
-with another configuration, rules or opponent than the default are an error, as teams have scenarios' names.
+with another configuration, rules or opponent than the default, but with flat networks, are an error, as teams
+have scenarios' names.
 A run on several maps (`train --maps`), which has no evaluations, becomes the team `all-maps`: it plays 320
 greedy and 320 sampled episodes on each map of SMAC.
 """
@@ -78,14 +79,14 @@ def check(trained: list[Path]) -> None:
     for run in trained:
         name = scenario(run)
         if name not in defaults:
-            defaults[name] = runs.trained_with(name, [])
+            defaults[name] = runs.trained_with(name, ["--network", "flat"])
         differences = runs.differences(run, defaults[name], FREE)
         if differences:
             wrong.append(f"{run}: {differences}")
     if wrong:
         raise SystemExit(
-            "results.zoo: runs must be those of the default configuration, rules and opponent; name folders "
-            "without these:\n" + "\n".join(wrong)
+            "results.zoo: runs must be those of the default configuration with --network flat, rules and "
+            "opponent; name folders without these:\n" + "\n".join(wrong)
         )
 
 
@@ -143,7 +144,7 @@ def keep_universal(run: Path, folder: Path) -> None:
 def smac_maps() -> list[str]:
     import smaclite_pool as sp  # which not all tools need
 
-    return [name for name in sp.scenarios() if not sp.scenario(name)["teams_are_drawn"]]
+    return list(sp.scenarios(generated=False))
 
 
 def evaluated(run: Path, name: str, options: list[str]) -> Summary:

@@ -7,9 +7,9 @@ import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+import smaclite_pool as sp
 from numpy.typing import NDArray
 
 from . import scenarios
@@ -17,27 +17,27 @@ from .battles import Frame
 from .scenarios import Json, ScenarioFiles
 
 Floats = NDArray[np.float64]
-ACTIVATIONS: dict[str, Callable[[Floats], Floats]] = {"relu": lambda x: np.maximum(x, 0.0), "tanh": np.tanh}
+
+
+@dataclass(frozen=True)
+class Network:
+    """From observations to the numbers of actions."""
+
+    team: sp.Team
+
+    def __call__(self, obs: NDArray[np.float32]) -> Floats:
+        """`[n_agents, n_actions]`, of observations `[n_agents, obs_size]`."""
+        numbers: Floats = self.team.logits(obs[None])[0].astype(np.float64)
+        return numbers
 
 
 @dataclass(frozen=True)
 class Team:
-    """The policy of all agents. It is computed in float64, so that no draw depends on the order of sums."""
+    """The policy of all agents."""
 
-    layers: list[tuple[Floats, Floats]]
-    """Weights `[n_out, n_in]` and biases; the bias of the first layer is `[n_agents, n_out]`."""
-    activation: str
+    network: Callable[[NDArray[np.float32]], Floats]
     last_actions: int = 0
     """How many of its own last actions an agent sees, besides its observation."""
-
-    def logits(self, obs: NDArray[np.float32]) -> Floats:
-        """`[n_agents, n_actions]`, of observations `[n_agents, obs_size]`."""
-        x: Floats = obs.astype(np.float64)
-        for number, (weight, bias) in enumerate(self.layers):
-            x = x @ weight.T + bias
-            if number + 1 < len(self.layers):
-                x = ACTIVATIONS[self.activation](x)
-        return x
 
     def player(self, seed: int, greedy: bool) -> Player:
         """Plays an episode. The seed decides the draws."""
@@ -56,7 +56,7 @@ class Player:
 
     def choose(self, frame: Frame) -> list[int]:
         """The actions of all agents; a dead one has only no-op to choose."""
-        logits = np.where(frame.avail_actions, self.team.logits(self.inputs(frame)), -np.inf)
+        logits = np.where(frame.avail_actions, self.team.network(self.inputs(frame)), -np.inf)
         if self.greedy:
             chosen = logits.argmax(axis=1)
         else:
@@ -82,37 +82,9 @@ def read(folder: Path, run: Json) -> Team:
 
     Raises:
         OSError: a file cannot be read.
-        ValueError, KeyError: a file is damaged, or the network is not flat.
+        ValueError, KeyError: a file is damaged.
     """
-    config = run["config"]
-    if config.get("network", "flat") != "flat":
-        raise ValueError(f'`network` of run.json must be "flat" here, got "{config["network"]}"')
-    tensors = safetensors(folder / "weights.safetensors")
-    layers: list[tuple[Floats, Floats]] = []
-    while f"actor.{len(layers)}.weight" in tensors:
-        name = f"actor.{len(layers)}"
-        bias = tensors[f"{name}.bias"] + (tensors["actor.id_bias"] if not layers else 0.0)
-        layers.append((tensors[f"{name}.weight"], bias))
-    if not layers:
-        raise ValueError("weights.safetensors has no tensor `actor.0.weight`")
-    return Team(layers, config["activation"], config.get("last_actions", 0))
-
-
-def safetensors(path: Path) -> dict[str, Floats]:
-    """Reads a file of float32 tensors: the length of the header (u64), the header as JSON, the data."""
-    data = path.read_bytes()
-    end = 8 + int.from_bytes(data[:8], "little")
-    header: dict[str, Any] = json.loads(data[8:end])
-    tensors = {}
-    for name, tensor in header.items():
-        if name == "__metadata__":
-            continue
-        if tensor["dtype"] != "F32":
-            raise ValueError(f"{path.name}: expected tensors of type F32, got {tensor['dtype']} for `{name}`")
-        first, last = (end + offset for offset in tensor["data_offsets"])
-        values = np.frombuffer(data[first:last], "<f4").reshape(tensor["shape"])
-        tensors[name] = values.astype(np.float64)
-    return tensors
+    return Team(Network(sp.load_team(folder)), run["config"].get("last_actions", 0))
 
 
 def scenario(run: Json) -> ScenarioFiles:

@@ -11,7 +11,9 @@ import sys
 from importlib.util import find_spec
 from pathlib import Path
 
+import numpy as np
 import pytest
+import smaclite_pool as sp
 
 from results import benchmarks, data, page, tables, train, values, zoo
 from results.data import Row
@@ -210,7 +212,7 @@ def trained(program: Path, run: Path, seed: int, *options: str) -> None:
 
 def won(program: Path, run: Path, *options: str) -> None:
     """A run of one update that is said to have won everything."""
-    trained(program, run, 3, *options)
+    trained(program, run, 3, "--network", "flat", *options)
     summary = {"win_rate": 1.0, "mean_return": 20.0, "mean_length": 20.0}
     final = {"steps": 0, "run_steps": 64, "cpu_seconds": 1.0, "greedy": summary, "sampled": summary}
     (run / "final.json").write_text(json.dumps({**final, "greedy_episodes": [1, 1]}))
@@ -246,6 +248,22 @@ def test_a_team_of_other_options_does_not_get_into_the_zoo(program: Path, tmp_pa
     assert json.loads((out / "3m/card.json").read_text())["seed"] == 3
     with pytest.raises(SystemExit, match="no complete run"):
         zoo.main([str(tmp_path / "nowhere"), "--out", str(out)])
+
+
+def test_a_run_on_several_maps_gets_into_the_zoo(
+    program: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With the weights of its actor alone, and what it wins on each map."""
+    monkeypatch.setattr(zoo, "EPISODES", 4)
+    monkeypatch.setattr(zoo, "smac_maps", lambda: ["3m", "MMM"])
+    argv = [str(program), "train", "--maps", "8m,MMM", "--steps", "64", "--num-envs", "4"]
+    subprocess.run([*argv, "--out", str(tmp_path / "run")], check=True, capture_output=True)
+    assert zoo.main([str(tmp_path / "run"), "--out", str(tmp_path)]) == 0
+    card = json.loads((tmp_path / "all-maps/card.json").read_text())
+    assert set(card["maps"]) == {"3m", "MMM"} and card["maps"]["3m"]["greedy"]["mean_length"] > 5
+    obs = np.random.default_rng(1).normal(size=(1, 3, 30 + 4 * 9)).astype(np.float32)
+    teams = [sp.load_team(tmp_path / name, map="3m") for name in ("run", "all-maps")]
+    assert (teams[0].logits(obs) == teams[1].logits(obs)).all()
 
 
 def test_teams_that_are_there_are_completed_up_to_the_number_of_seeds(

@@ -197,6 +197,7 @@ def test_defaults_and_weights_are_those_of_the_program(tmp_path: Path) -> None:
         )
         options |= {"hidden": widths(ppo.HIDDEN[network]), "actor_lr": ppo.ACTOR_LR[network]}
         assert {name: options.get(name, options.get(f"{name}_")) for name in config} == config
+        assert config.get("network", "flat") == network
 
         file = folder / "weights.safetensors"
         expected = {name: tensor.shape for name, tensor in safetensors.load_file(file).items()}
@@ -220,7 +221,7 @@ def test_defaults_that_depend_on_the_team_are_those_of_the_program(scenario: str
     with sp.make(scenario, 2, obs_last_actions=4) as envs:
         learner = ppo.Learner(envs, ppo.Options(scenario=scenario, num_envs=2))
         options = learner.options
-    assert options.network == config.get("network", "flat") == ("flat" if scenario == "MMM" else "units")
+    assert options.network == config["network"] == "units"
     assert (options.algorithm, options.actor_lr) == (config["algorithm"], config["actor_lr"])
     assert widths(options.hidden) == config["hidden"]
 
@@ -358,7 +359,7 @@ def test_evaluations_are_those_of_the_program_and_change_no_bit(
     assert not (tmp_path / f"without/3m-{algorithm}-3/evaluations.csv").exists()
 
     command = [sys.executable, "-m", "smaclite_pool"]
-    small = "--steps 4500 --evaluate-every 2000 --num-envs 8 --horizon 16 --hidden 16 --seed 3"
+    small = "--steps 4500 --evaluate-every 2000 --num-envs 8 --horizon 16 --hidden 16,16 --seed 3"
     program = [*command, "train", "3m", "--out", str(tmp_path / "program"), *small.split()]
     subprocess.run(program, check=True, capture_output=True)
     header = (folder / "evaluations.csv").read_text().splitlines()[0]
@@ -451,7 +452,7 @@ def test_the_command_line_and_its_errors(tmp_path: Path) -> None:
 
 def test_several_seeds_are_trained_in_one_call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The folders are those that `report` takes for one algorithm."""
-    small = "--steps 200 --num-envs 8 --horizon 16 --hidden 8 --threads 1 --evaluate-episodes 0"
+    small = "--steps 200 --num-envs 8 --horizon 16 --hidden 8,8 --threads 1 --evaluate-episodes 0"
     argv = ["ppo", "3m", "--seed", "4", "--seeds", "2", "--out", str(tmp_path), *small.split()]
     monkeypatch.setattr("sys.argv", argv)
     ppo.main()

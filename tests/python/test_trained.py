@@ -23,11 +23,12 @@ EPISODES = 8
 SEED = 5
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+@pytest.fixture(scope="module", params=["flat", "units"])
+def folder(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Path:
     """A run that has learnt a little, so that its choices are not all alike."""
     folder: Path = tmp_path_factory.mktemp("runs") / "3m"
-    run_program("train", "3m", "--steps", "20000", "--seed", "1", "--out", str(folder))
+    options = ["--network", request.param, "--steps", "20000", "--seed", "1"]
+    run_program("train", "3m", *options, "--out", str(folder))
     return folder
 
 
@@ -157,7 +158,7 @@ def test_last_actions_are_seen_as_in_the_pool() -> None:
     with sp.make("3m", num_envs=1, obs_last_actions=3, episode_limit=None) as envs:
         n_features = envs.obs_size - 3 * envs.n_actions
         weight = np.random.default_rng(1).normal(size=(envs.n_actions, envs.obs_size))
-        player = Team([(weight, np.zeros((3, envs.n_actions)))], "relu", 3).player(1, greedy=False)
+        player = Team(lambda obs: np.asarray(obs @ weight.T), 3).player(1, greedy=False)
         batch = envs.reset(seed=1)
         for _ in range(20):
             frame = PoolBattle.frame(batch)

@@ -71,11 +71,10 @@ impl NetworkKind {
         }
     }
 
-    /// Over units where teams are drawn, so that most battles are of teams that were not seen before: there
-    /// these networks win far more. On maps whose teams are fixed, flat ones win, too, and cost less.
+    /// Over units where observations have any.
     fn for_scenario(scenario: &Scenario) -> NetworkKind {
         let has_units = TargetLayout::new(scenario).is_some();
-        if scenario.draws_teams() && has_units { NetworkKind::Units } else { NetworkKind::Flat }
+        if has_units { NetworkKind::Units } else { NetworkKind::Flat }
     }
 
     fn is_flat(&self) -> bool {
@@ -332,7 +331,7 @@ impl Config {
         let (layers, accepted) = match self.network {
             NetworkKind::Flat => (1..=8, "1 to 8 widths between 2 and 4096"),
             NetworkKind::Units | NetworkKind::Universal => {
-                (2..=2, "2 widths between 2 and 4096 for networks over units")
+                (2..=2, "2 widths between 2 and 4096 for networks over units (`flat` ones have others, too)")
             }
         };
         let scripts = self.network != NetworkKind::Universal || self.enemies.are_scripts();

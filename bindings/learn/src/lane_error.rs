@@ -40,7 +40,7 @@ pub enum LaneError {
     )]
     LastActions { lane: String, given: usize, expected: usize },
     #[error(
-        "lane `{lane}` appends agent numbers, which the team's networks have; serve it without --obs-agent-id"
+        "lane `{lane}` appends agent numbers, which no network reads; serve it without --obs-agent-id"
     )]
     AgentId { lane: String },
     #[error(

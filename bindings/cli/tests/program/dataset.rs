@@ -55,7 +55,7 @@ fn a_script_is_recorded_described_and_expanded() {
 fn a_run_is_recorded_by_its_qualities() {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
-    let small = "--num-envs 8 --horizon 16 --hidden 16";
+    let small = "--num-envs 8 --horizon 16 --hidden 16,16";
     output(folder, &format!("train 3m --steps 512 --evaluate-every 256 {small} --out run"));
     output(folder, "dataset record run --quality replay --episodes 10 --out replay.smdata");
     let card = json(&output(folder, "dataset show replay.smdata --json"));

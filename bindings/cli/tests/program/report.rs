@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-const SMALL: &str = "--num-envs 8 --horizon 16 --hidden 16 --steps 600 --evaluate-every 300";
+const SMALL: &str = "--num-envs 8 --horizon 16 --hidden 16,16 --steps 600 --evaluate-every 300";
 
 /// All files in a folder, by name.
 fn files(folder: &Path) -> BTreeMap<String, String> {
@@ -116,7 +116,7 @@ fn errors_say_what_is_accepted() {
     check_error(folder, "report empty", 2, "--out <FOLDER>");
     check_error(folder, "report empty --out all", 1, "`empty` has no runs: expected the folder of a run");
     check_error(folder, "report x=nowhere --out all", 1, "cannot read `nowhere`");
-    output(folder, "train 3m --num-envs 8 --horizon 16 --hidden 16 --steps 600 --out run");
+    output(folder, "train 3m --num-envs 8 --horizon 16 --hidden 16,16 --steps 600 --out run");
     check_error(folder, "report run --out all", 1, "`run` has no evaluations: expected evaluations.csv");
     assert!(!folder.join("all").exists(), "a command that fails leaves no folder");
     output(folder, &format!("train 3m --out evaluated {SMALL}"));

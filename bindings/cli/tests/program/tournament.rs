@@ -10,7 +10,7 @@ const SCRIPTS: &str = "tournament attack_move nearest focus_fire --scenario 3m -
 fn scripts_and_teams_play_a_tournament() {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
-    output(folder, "train 3m --steps 256 --num-envs 8 --horizon 16 --hidden 16 --out runs/3m");
+    output(folder, "train 3m --steps 256 --num-envs 8 --horizon 16 --hidden 16,16 --out runs/3m");
     let printed = output(folder, "tournament runs/3m/ attack_move kite --episodes 40 --out all --threads 1");
     assert!(printed.starts_with("3m: 3 players, 8 pairings of 40 episodes, seed 0\n\nplayer "), "{printed}");
     let again = output(folder, "tournament runs/3m attack_move kite --episodes 40 --out again --threads 3");
@@ -56,7 +56,7 @@ fn the_files_agree() {
 fn a_team_is_exploited() {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
-    output(folder, "train 3m --steps 256 --num-envs 8 --horizon 16 --hidden 16 --out runs/3m");
+    output(folder, "train 3m --steps 256 --num-envs 8 --horizon 16 --hidden 16,16 --out runs/3m");
     let exploit = "exploit runs/3m --steps 1000 --seeds 2 --seed 4 --episodes 20";
     let printed = output(folder, &format!("{exploit} --out responses"));
     let head =
@@ -75,7 +75,7 @@ fn a_team_is_exploited() {
     );
     check_error(folder, &format!("{exploit} --out responses"), 1, "`responses/4` already holds a run");
     check_error(folder, "exploit nowhere", 1, "`nowhere` is not the folder of a run");
-    output(folder, "train 5m_vs_6m --steps 256 --num-envs 8 --horizon 16 --hidden 16 --out runs/5m");
+    output(folder, "train 5m_vs_6m --steps 256 --num-envs 8 --horizon 16 --hidden 16,16 --out runs/5m");
     check_error(folder, "exploit runs/5m", 1, "5m");
 }
 

@@ -264,7 +264,7 @@ fn the_lane_of_a_pool_is_the_one_that_plays_the_map() {
     let done = place.output("train --pool two --steps 1e2 --out run");
     let message = String::from_utf8_lossy(&done.stderr).into_owned();
     assert!(message.ends_with("several lanes; name one, by `lane=` or --lane: `3m`, `2s3z`\n"), "{message}");
-    let options = "--horizon 16 --hidden 16 --out run";
+    let options = "--horizon 16 --hidden 16,16 --out run";
     let done = place.output(&format!("train 2s3z --pool two --steps 1e2 {options}"));
     assert!(done.status.success(), "{done:?}");
     let run = fs::read_to_string(place.root().join("run/run.json")).expect("the run");
@@ -349,7 +349,7 @@ fn errors_say_what_is_accepted() {
         folder,
         "train 3m --out run --network units --hidden 64",
         1,
-        "hidden must be 2 widths between 2 and 4096 for networks over units, got [64]",
+        "hidden must be 2 widths between 2 and 4096 for networks over units (`flat` ones have others, too), got [64]",
     );
     check_error(folder, "train 3m --out run --pool none", 1, "none");
     check_error(folder, "train --resume nowhere", 1, "`nowhere`");
@@ -379,9 +379,9 @@ fn the_help_states_the_defaults() {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     let help = output(folder, "train --help").split_whitespace().collect::<Vec<_>>().join(" ");
-    // Teams that are fixed, and that are drawn.
-    let [fixed, drawn] = ["3m", "zerg_5_vs_5"].map(|map| {
-        output(folder, &format!("train {map} --out {map} --steps 1"));
+    // Teams that are fixed, and that are drawn; flat networks, and those over units.
+    let [fixed, drawn] = [("3m", " --network flat"), ("zerg_5_vs_5", "")].map(|(map, options)| {
+        output(folder, &format!("train {map}{options} --out {map} --steps 1"));
         let run = fs::read(folder.join(map).join("run.json")).expect("the description");
         let run: Value = serde_json::from_slice(&run).expect("JSON");
         run["config"].as_object().expect("an object").clone()
@@ -393,7 +393,7 @@ fn the_help_states_the_defaults() {
     };
     for (name, value) in drawn.iter().filter(|(name, _)| *name != "steps") {
         let default = match (name.as_str(), value) {
-            ("network", _) => "units for drawn teams, otherwise flat".to_owned(),
+            ("network", _) => "units, or flat where observations have none".to_owned(),
             ("entropy", _) => format!("{TEAM_ENTROPY} divided by the number of agents"),
             ("algorithm", _) => {
                 format!("mappo for {STATE_CRITIC_AGENTS} agents or more and for drawn teams, otherwise ippo")

@@ -87,9 +87,10 @@ class Options:
     epochs: int = option(4, "passes over the data of an update")
     minibatches: int = option(8, "gradient steps per epoch")
     network: str = option(
-        "by team",
-        "flat, or over units: the same for all enemies and all allies; by team: units for drawn teams",
-        [*HIDDEN, "by team"],
+        "by scenario",
+        "flat, or over units: the same for all enemies and all allies; by scenario: units, or flat where "
+        "observations have none",
+        [*HIDDEN, "by scenario"],
     )
     hidden: str = option(
         "by network",
@@ -249,10 +250,9 @@ class Learner:
         if options.algorithm == "by team":
             state = envs.n_agents >= STATE_CRITIC_AGENTS or sp.scenario(options.scenario)["teams_are_drawn"]
             options = replace(options, algorithm="mappo" if state else "ippo")
-        if options.network == "by team":
-            scenario = sp.scenario(envs)
-            is_units = scenario["teams_are_drawn"] and units_network.has_units(scenario)
-            options = replace(options, network="units" if is_units else "flat")
+        if options.network == "by scenario":
+            has_units = units_network.has_units(sp.scenario(envs))
+            options = replace(options, network="units" if has_units else "flat")
         if options.hidden == "by network":
             options = replace(options, hidden=HIDDEN[options.network])
         if options.actor_lr < 0:
