@@ -20,8 +20,8 @@ fn teams_of_the_zoo_have_the_outputs_that_the_learner_computes() {
     }
 }
 
-/// Over units, of teams without healers, with a healer, and with types that each episode draws; also those that
-/// fit every scenario.
+/// Over units, of teams without healers, with a healer, and with types that each episode draws; also those
+/// that fit every scenario.
 #[test]
 fn networks_over_units_have_the_outputs_that_the_learner_computes() {
     let place = tempfile::tempdir().unwrap();

@@ -1,5 +1,5 @@
-//! The gradient of a minibatch of all maps. Its rows are divided into jobs, whose gradients are summed in their
-//! order; so the result depends neither on the number of threads nor on which of them is fast.
+//! The gradient of a minibatch of all maps. Its rows are divided into jobs, whose gradients are summed in
+//! their order; so the result depends neither on the number of threads nor on which of them is fast.
 
 use crate::architecture::Workspace;
 use crate::loss::{PolicyLoss, PolicyRow, PolicyStats, ValueLoss};

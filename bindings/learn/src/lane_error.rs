@@ -39,9 +39,7 @@ pub enum LaneError {
          with --obs-last-actions {expected}"
     )]
     LastActions { lane: String, given: usize, expected: usize },
-    #[error(
-        "lane `{lane}` appends agent numbers, which no network reads; serve it without --obs-agent-id"
-    )]
+    #[error("lane `{lane}` appends agent numbers, which no network reads; serve it without --obs-agent-id")]
     AgentId { lane: String },
     #[error(
         "a team can play both sides if they have equal sizes, but in {scenario} the agents are {agents}, and \

@@ -1,8 +1,8 @@
 //! Networks over units that fit every scenario.
 //!
-//! A universal network reads rows of one form (`UniversalForm` of smaclite_engine), which say what the type of
-//! a unit is by its figures. A row u of that form follows from the row x of a scenario by u = M x + m, so an
-//! affine map of u is one of x,
+//! A universal network reads rows of one form (`UniversalForm` of smaclite_engine), which say what the type
+//! of a unit is by its figures. A row u of that form follows from the row x of a scenario by u = M x + m, so
+//! an affine map of u is one of x,
 //!
 //!   W u + b = (W M) x + (b + W m),
 //!

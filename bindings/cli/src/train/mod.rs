@@ -145,7 +145,8 @@ hyperparameters! {
     minibatches: usize = count(1..=1000),
     /// Networks of actor and critic: flat (layers over all features), units (over units: enemies share
     /// weights, and so do allies, whatever their order) or universal (over units, which are told by the
-    /// figures of their types: a team that plays every map) [default: units, or flat where observations have none]
+    /// figures of their types: a team that plays every map) [default: units, or flat where observations have
+    /// none]
     network: NetworkKind,
     /// Non-linearity of the hidden layers: relu or tanh [default: relu]
     activation: Activation,

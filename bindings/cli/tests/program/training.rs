@@ -349,7 +349,8 @@ fn errors_say_what_is_accepted() {
         folder,
         "train 3m --out run --network units --hidden 64",
         1,
-        "hidden must be 2 widths between 2 and 4096 for networks over units (`flat` ones have others, too), got [64]",
+        "hidden must be 2 widths between 2 and 4096 for networks over units (`flat` ones have others, \
+         too), got [64]",
     );
     check_error(folder, "train 3m --out run --pool none", 1, "none");
     check_error(folder, "train --resume nowhere", 1, "`nowhere`");
