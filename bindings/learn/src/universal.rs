@@ -48,7 +48,7 @@ fn network(
     let layout = UnitLayout {
         enemies: row(0, enemies),
         allies: row(enemies, allies),
-        rest: [begin..end].into_iter().filter(|rest| !rest.is_empty()).collect(),
+        rest: std::iter::once(begin..end).filter(|rest| !rest.is_empty()).collect(),
     };
     UnitsNetwork::new(end, layout, targets, widths, activation)
 }
