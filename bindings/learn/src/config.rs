@@ -417,7 +417,7 @@ mod tests {
 
     /// Without units in observations, a network over units would see nothing.
     #[test]
-    fn networks_are_over_units_where_teams_are_drawn() {
+    fn networks_are_over_units_where_observations_have_some() {
         let network = |scenario: &Scenario| Config::for_scenario(scenario).network;
         let mut scenario = Scenario::standard("zerg_5_vs_5").expect("a standard scenario");
         assert_eq!(network(&scenario), NetworkKind::Units);
@@ -425,7 +425,7 @@ mod tests {
         assert_eq!((config.hidden, config.actor_lr), (vec![32, 64], 1.4e-3));
         scenario.smacv2.as_mut().expect("it is generated").obs_starcraft = false;
         assert_eq!(network(&scenario), NetworkKind::Flat);
-        assert_eq!(network(&Scenario::standard("2s3z").expect("a standard scenario")), NetworkKind::Flat);
+        assert_eq!(network(&Scenario::standard("2s3z").expect("a standard scenario")), NetworkKind::Units);
     }
 
     #[test]
