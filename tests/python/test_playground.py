@@ -153,17 +153,20 @@ def test_every_map_and_team_begins(browser: Any) -> None:
         assert page.page.input_value("#seed") == "2"
 
 
-def test_a_chosen_map_is_played_by_its_team(browser: Any) -> None:
+def test_a_chosen_map_is_played_by_its_team_or_by_that_of_all_maps(browser: Any) -> None:
+    zoo = REPOSITORY / "bindings/learn/zoo/3m"
     with Playground(browser) as page:
-        assert page.page.input_value("#team") == "2s3z"
-        page.page.select_option("#scenario", "3m")
-        assert page.page.input_value("#team") == "3m"
+        assert page.page.input_value("#team") == "all-maps"
+        page.page.set_input_files("#files", [zoo / "run.json", zoo / "best.safetensors"])
+        page.wait(lambda: page.page.input_value("#team") == "3m, seed 1")
         page.press(" ")
         page.wait(lambda: page.step >= 2)
         page.page.select_option("#scenario", "25m")
-        assert page.page.input_value("#team") == "nearest", "no team of this map is in the page"
-        page.page.select_option("#scenario", "8m")
-        assert page.page.input_value("#team") == "8m"
+        assert page.page.input_value("#team") == "all-maps"
+        page.page.select_option("#scenario", "3m")
+        assert page.page.input_value("#team") == "3m, seed 1"
+        page.page.select_option("#team", "all-maps")
+        assert page.text("#name") == "3m", "a team that plays every map stays there"
         page.page.select_option("#team", "kite")
         page.page.select_option("#scenario", "2s3z")
         assert page.page.input_value("#team") == "kite", "a chosen script stays"
@@ -221,7 +224,7 @@ def test_a_unit_is_dragged_elsewhere_at_the_start(browser: Any) -> None:
         page.wait(lambda: re.search(r"Position\n1[12]\.[019]\d, 1[78]\.[019]", page.text("#unit")))
         page.wait_until_played()
         assert page.last != before
-        assert page.page.input_value("#team") == "3m", "its team plays on"
+        assert page.page.input_value("#team") == "all-maps", "the team plays on"
         page.page.click("#share")
         page.wait(lambda: "file=" in page.page.url)
         link = page.page.url.split("#")[1]
@@ -277,7 +280,7 @@ def test_the_map_is_painted_by_mouse_and_shared(browser: Any) -> None:
         assert not page.shown("#brush")
         page.wait_until_played()
         assert page.last != before
-        assert page.page.input_value("#team") == "3m", "its team plays on"
+        assert page.page.input_value("#team") == "all-maps", "the team plays on"
         link, scenario = page.share()
         last = page.last
     walls = blocked(scenario)

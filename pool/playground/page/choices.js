@@ -75,7 +75,7 @@ export class ChoiceBar {
       const moves = trained && !trained.is_universal && trained.scenario !== map;
       return moves ? { ...chosen, scenario: trained.source } : chosen;
     }
-    if (changed !== "scenario" || trained?.is_universal || !this.wantsTrained) return chosen;
+    if (changed !== "scenario" || !this.wantsTrained) return chosen;
     return { ...chosen, team: teamFor(teams, scenario) };
   }
 
