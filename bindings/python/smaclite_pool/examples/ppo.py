@@ -1,7 +1,7 @@
 """PPO of a team in one file: MAPPO or IPPO (`--algorithm`).
 
     python -m smaclite_pool.examples.ppo 2s3z --steps 500000 --seed 1
-    python -m smaclite_pool.examples.ppo 3m --seeds 5 --evaluate-every 50000 --out runs/ppo
+    python -m smaclite_pool.examples.ppo 3m --steps 500000 --seeds 5 --evaluate-every 50000 --out runs/ppo
 
 Proximal policy optimisation (Schulman et al., 2017) repeats two phases: play some steps of all environments
 with the current policy, then improve policy and critic by a few passes of gradient steps over these data. All
