@@ -1,5 +1,5 @@
-//! The zoo: trained teams that are part of the program, one for each standard scenario that the default
-//! configuration wins, and `all-maps`, which plays every scenario. `just results-zoo` makes its files.
+//! The zoo: trained teams that are part of the program, one for each standard scenario that flat
+//! networks win, and `all-maps`, which plays every scenario. `just results-zoo` makes its files.
 //!
 //! A team is called `zoo:SCENARIO`, or `zoo:all-maps`, wherever the folder of a run stands for its team. Its
 //! files are those of a run that others read (`run.json`, `best.safetensors`), and a card; without

@@ -121,5 +121,4 @@ function group(label, values, text = String) {
  * What a team is called in the list: those of the page have the names of their maps.
  * @param {TeamInfo} team
  */
-const labelOf = ({ name, scenario, is_universal }) =>
-  name === scenario && !is_universal ? `${name} team` : name;
+const labelOf = ({ name, scenario }) => (name === scenario ? `${name} team` : name);

@@ -105,13 +105,11 @@ impl Display {
                 Ok(())
             }
             SeedEvent::Updated(record) => {
-                if self.json {
-                    let mut object = json_of(&record);
+                let json = self.json.then(|| json_of(&record));
+                self.runs.entry(seed).and_modify(|run| run.last = record);
+                if let Some(mut object) = json {
                     object.insert("seed".to_owned(), seed.into());
                     out!("{}", Value::Object(object))?;
-                }
-                self.runs.entry(seed).and_modify(|run| run.last = record);
-                if self.json {
                     return Ok(());
                 }
                 let line = self.line(self.begin.map(|begin| begin.elapsed()).unwrap_or_default());

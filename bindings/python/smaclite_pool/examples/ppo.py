@@ -5,8 +5,9 @@
 
 Proximal policy optimisation (Schulman et al., 2017) repeats two phases: play some steps of all environments
 with the current policy, then improve policy and critic by a few passes of gradient steps over these data. All
-agents share one policy, which sees an agent's own observation and its number. The critic, which only training
-uses, sees the state (MAPPO: one value per environment) or an agent's observation (IPPO: one per agent).
+agents share one policy, which sees an agent's own observation, and if it is flat also its number. The critic,
+which only training uses, sees the state (MAPPO: one value per environment) or an agent's observation (IPPO:
+one per agent).
 
 Algorithm, networks, defaults, log and names of weights are those of `smaclite-pool train`, which is faster
 (docs/how-to/training.md). This file is to be read and changed: from top to bottom, options, networks (those
