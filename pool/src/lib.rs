@@ -42,4 +42,4 @@ pub use lane_settings::{LaneSettings, LaneSettingsError, LaneSpec, MAX_ENVS, MAX
 pub use pool_options::PoolOptions;
 pub use rejection::Rejection;
 pub use scheduler::{Participant, Pool, PoolHandle, PoolStartError};
-pub use wait_strategy::{Polling, UnknownWaitStrategy, WaitStrategy};
+pub use wait_strategy::{Deadline, Polling, UnknownWaitStrategy, WaitStrategy};

@@ -104,6 +104,35 @@ impl Polls {
     }
 }
 
+/// Most of the time between two looks at the clock that counts as waiting.
+const LONGEST_LOOK: Duration = Duration::from_millis(200);
+
+/// How much of a timeout is left.
+///
+/// Waits look at the clock ten times a second or more. If much more time passes between two looks, the
+/// process was stopped (Ctrl-Z, a debugger), and so was what it waits for, if that is in the same process. So
+/// that time hardly counts: a training that a user stops for an hour goes on afterwards.
+#[derive(Clone, Copy, Debug)]
+pub struct Deadline {
+    left: Duration,
+    looked: Instant,
+}
+
+impl Deadline {
+    /// The end of a wait that began at `begin`.
+    pub fn new(begin: Instant, timeout: Duration) -> Deadline {
+        Deadline { left: timeout, looked: begin }
+    }
+
+    /// What is left at `now`; zero if the wait is over.
+    pub fn left(&mut self, now: Instant) -> Duration {
+        let passed = now.saturating_duration_since(self.looked).min(LONGEST_LOOK);
+        self.looked = now;
+        self.left = self.left.saturating_sub(passed);
+        self.left
+    }
+}
+
 /// A keyword that names no wait strategy.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the wait strategy must be `adaptive`, `spin` or `block`, got `{0}`")]
@@ -121,6 +150,20 @@ impl std::str::FromStr for WaitStrategy {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// An hour between two looks counts as a fifth of a second.
+    #[test]
+    fn time_in_which_the_process_was_stopped_does_not_end_a_wait() {
+        let begin = Instant::now();
+        let [tenth, hour] = [100, 3_600_000].map(Duration::from_millis);
+        let mut deadline = Deadline::new(begin, 5 * tenth);
+        assert_eq!(deadline.left(begin + tenth), 4 * tenth);
+        assert_eq!(deadline.left(begin + hour), 2 * tenth);
+        assert_eq!(deadline.left(begin + hour + tenth), tenth);
+        assert_eq!(deadline.left(begin + hour + 2 * tenth), Duration::ZERO);
+        assert_eq!(Deadline::new(begin, Duration::ZERO).left(begin), Duration::ZERO);
+        assert_eq!(Deadline::new(begin, Duration::MAX).left(begin + hour), Duration::MAX - 2 * tenth);
+    }
 
     /// The clock is looked at before a yield only, and decides whether to block.
     #[test]

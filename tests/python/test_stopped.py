@@ -1,4 +1,5 @@
-"""A supervisor that is stopped (SIGSTOP) delays no interrupt and no exit; a forked child exits at once."""
+"""A supervisor that is stopped (SIGSTOP) delays no interrupt and no exit; a forked child exits at once; a
+learner that is stopped goes on afterwards."""
 
 from __future__ import annotations
 
@@ -80,6 +81,28 @@ except KeyboardInterrupt:
     result = run_script(script)
     expected = "interrupted\nnone is left\n"
     assert (result.returncode, result.stdout) == (0, expected), result.stdout + result.stderr
+
+
+def test_a_learner_with_a_pool_of_its_own_goes_on_after_a_stop() -> None:
+    """A training that was suspended (Ctrl-Z) for two minutes ended with "no batch arrived within 120 s"."""
+    script = """
+import smaclite_pool as sp
+with sp.make("27m_vs_30m", 64) as envs:
+    envs.reset(seed=1)
+    print("steps", flush=True)
+    for _ in range(300):
+        envs.step(envs.sample_actions(), timeout=1.0)
+print("done")
+"""
+    command = [sys.executable, "-c", script]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "steps\n"
+        stop(process)
+        time.sleep(2)  # longer than the timeout
+        process.send_signal(signal.SIGCONT)
+        out, err = process.communicate(timeout=100)
+    assert (process.returncode, out) == (0, "done\n"), err
 
 
 def catches(pid: int, number: signal.Signals) -> bool:

@@ -11,7 +11,7 @@ use crate::wait_options::WaitOptions;
 use crate::wire::{ReceivedFrame, read_frame};
 use iceoryx2::port::ReceiveError;
 use smaclite_pool::transport::RequestNumber;
-use smaclite_pool::{Participant, Rejection};
+use smaclite_pool::{Deadline, Participant, Rejection};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -42,8 +42,7 @@ impl AttachedLane {
         wait: &mut WaitOptions<'_>,
     ) -> Result<FrameSample, ClientError> {
         let mut polls = self.polling.begin_at(begin);
-        // A timeout beyond what an `Instant` can hold is no limit.
-        let end = wait.timeout.and_then(|timeout| begin.checked_add(timeout));
+        let mut deadline = wait.timeout.map(|timeout| Deadline::new(begin, timeout));
         let mut next_check = begin + CHECK_INTERVAL;
         loop {
             if let Some(sample) = self.receive()? {
@@ -54,7 +53,8 @@ impl AttachedLane {
                 continue;
             }
             let now = Instant::now();
-            if end.is_some_and(|end| now >= end) {
+            let left = deadline.as_mut().map(|deadline| deadline.left(now));
+            if left == Some(Duration::ZERO) {
                 return Err(self.timed_out(wait.timeout.unwrap_or_default()));
             }
             if now >= next_check {
@@ -74,8 +74,8 @@ impl AttachedLane {
             if polls.pause_at(now) {
                 continue;
             }
-            let wake = end.map_or(next_check, |end| next_check.min(end));
-            self.sleep(wake - now);
+            let until_check = next_check - now;
+            self.sleep(left.map_or(until_check, |left| until_check.min(left)));
         }
     }
 

@@ -7,9 +7,9 @@ use crate::services::doing;
 use crate::wait_options::WaitOptions;
 use crate::wire::{RequestHeader, body_offset, request_bytes};
 use smaclite_engine::{RecordLayout, RecordSizes, SnapshotError};
-use smaclite_pool::Rejection;
 use smaclite_pool::env_ids::env_index;
 use smaclite_pool::transport::{MAX_AHEAD, RequestKind};
+use smaclite_pool::{Deadline, Rejection};
 use std::time::{Duration, Instant};
 
 /// How long a supervisor may leave its queue of requests full. Even its busy workers look for requests after
@@ -254,7 +254,7 @@ impl AttachedLane {
 /// The wait for room in the supervisor's queue of requests.
 struct FullQueue {
     timeout: Duration,
-    begin: Instant,
+    deadline: Deadline,
     next_check: Instant,
 }
 
@@ -262,13 +262,13 @@ impl FullQueue {
     fn new(timeout: Option<Duration>) -> Self {
         let timeout = timeout.map_or(SEND_TIMEOUT, |timeout| timeout.min(SEND_TIMEOUT));
         let begin = Instant::now();
-        FullQueue { timeout, begin, next_check: begin + CHECK_INTERVAL }
+        FullQueue { timeout, deadline: Deadline::new(begin, timeout), next_check: begin + CHECK_INTERVAL }
     }
 
     /// Sleeps until the next attempt, unless the time is over or the caller interrupts the wait.
     fn wait(&mut self, wait: &mut WaitOptions<'_>) -> Result<(), ClientError> {
         let now = Instant::now();
-        if now - self.begin > self.timeout {
+        if self.deadline.left(now).is_zero() {
             return Err(ClientError::NotAccepted { time: self.timeout });
         }
         if now >= self.next_check {

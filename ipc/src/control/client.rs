@@ -12,6 +12,7 @@ use crate::wait_options::WaitOptions;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType};
 use rustix::process::{Pid, PidfdFlags, pidfd_open};
+use smaclite_pool::Deadline;
 use std::io::{ErrorKind, Read, Write};
 use std::os::fd::{AsFd, OwnedFd};
 use std::os::unix::net::UnixStream;
@@ -153,23 +154,31 @@ fn is_ready(fd: &impl AsFd, flags: PollFlags, within: Duration) -> bool {
 
 /// What is left of a caller's [`WaitOptions`].
 struct Waiting<'a> {
-    begin: Instant,
     wait: WaitOptions<'a>,
+    /// `None` without a timeout.
+    deadline: Option<Deadline>,
     pool: String,
     pid: Option<u32>,
 }
 
-impl Waiting<'_> {
+impl<'a> Waiting<'a> {
+    fn new(wait: WaitOptions<'a>, pool: &str) -> Waiting<'a> {
+        let deadline = wait.timeout.map(|timeout| Deadline::new(Instant::now(), timeout));
+        Waiting { wait, deadline, pool: pool.to_owned(), pid: None }
+    }
+
     /// The length of the next slice, unless the wait is over.
     fn slice(&mut self) -> Result<Duration, ControlSocketError> {
         let pool = self.pool.clone();
         if (self.wait.interrupted)() {
             return Err(ControlSocketError::Interrupted { pool });
         }
-        let Some(time) = self.wait.timeout else { return Ok(SLICE) };
-        match time.checked_sub(self.begin.elapsed()) {
-            None | Some(Duration::ZERO) => Err(ControlSocketError::Silent { pool, pid: self.pid, time }),
-            Some(left) => Ok(left.min(SLICE)),
+        match (self.wait.timeout, &mut self.deadline) {
+            (Some(time), Some(deadline)) => match deadline.left(Instant::now()) {
+                Duration::ZERO => Err(ControlSocketError::Silent { pool, pid: self.pid, time }),
+                left => Ok(left.min(SLICE)),
+            },
+            _ => Ok(SLICE),
         }
     }
 }
@@ -183,7 +192,7 @@ impl ControlClient {
         wait: WaitOptions<'_>,
     ) -> Result<(ControlClient, ControlResponse), ControlSocketError> {
         check_name(pool)?;
-        let mut waiting = Waiting { begin: Instant::now(), wait, pool: pool.to_owned(), pid: None };
+        let mut waiting = Waiting::new(wait, pool);
         let mut client = ControlClient::connect(runtime_dir, &mut waiting)?;
         let response = client.exchange(request, &mut waiting)?;
         Ok((client, response))
@@ -196,10 +205,8 @@ impl ControlClient {
         request: &ControlRequest,
         wait: WaitOptions<'_>,
     ) -> Result<(ControlResponse, bool), ControlSocketError> {
-        let pool = self.pool.clone();
         let is_late = self.is_unanswered;
-        let response =
-            self.exchange(request, &mut Waiting { begin: Instant::now(), wait, pool, pid: None })?;
+        let response = self.exchange(request, &mut Waiting::new(wait, &self.pool.clone()))?;
         Ok((response, is_late))
     }
 

@@ -23,6 +23,7 @@ use crate::slot::{FrameMemory, SharedFrame};
 use crate::stand_in::StandIn;
 use crate::sync::{AtomicBool, AtomicUsize, Mutex, Ordering, lock};
 use crate::transport::{Request, SessionId, Transport, TransportError};
+use crate::wait_strategy::Deadline;
 use crate::work::{CHUNK, Work};
 use accept::Intake;
 use arrayvec::ArrayVec;
@@ -225,10 +226,14 @@ impl<T: Transport> Lane<T> {
         &self,
         mut attempt: impl FnMut(&mut Frames<T::Outlet>) -> Result<R, TransportError>,
     ) -> Result<R, TransportError> {
-        let mut begin = None; // the clock is read only when no frame is free
+        let mut deadline = None; // the clock is read only when no frame is free
         loop {
             let outcome = attempt(&mut lock(&self.frames));
-            if outcome.is_ok() || begin.get_or_insert_with(Instant::now).elapsed() >= FRAME_TIMEOUT {
+            if outcome.is_ok() {
+                return outcome;
+            }
+            let now = Instant::now();
+            if deadline.get_or_insert(Deadline::new(now, FRAME_TIMEOUT)).left(now).is_zero() {
                 return outcome;
             }
             std::thread::sleep(Duration::from_millis(1));
