@@ -23,10 +23,18 @@ EVALUATE_EVERY = 100_000
 FLAT = ("--network", "flat")
 """The default when the runs of the page were made."""
 
+
+def drawn_teams(scenario: str) -> list[str]:
+    """The default with teams that are drawn when the runs of the page were made."""
+    return ["--last-actions", "4", "--entropy", str(0.3 / len(sp.scenario(scenario)["allies"]))]
+
+
 GROUPS: dict[str, dict[str, list[str]]] = {
     "default": {scenario: [*FLAT] for scenario in sp.scenarios(generated=False)},
-    "generated": {scenario: [*FLAT] for scenario in sp.scenarios(generated=True)},
-    "open-loop": {f"{race}_5_vs_5": [] for race in ("protoss", "terran", "zerg")},
+    "generated": {scenario: [*FLAT, *drawn_teams(scenario)] for scenario in sp.scenarios(generated=True)},
+    "open-loop": {
+        scenario: drawn_teams(scenario) for scenario in ("protoss_5_vs_5", "terran_5_vs_5", "zerg_5_vs_5")
+    },
     "other-critic": {
         scenario: [*FLAT, "--algorithm", "ippo" if data.sees_state(scenario) else "mappo"]
         for scenario in sp.scenarios(generated=False)

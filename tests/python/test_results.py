@@ -91,7 +91,7 @@ def test_agents_of_the_open_loop_observe_the_time_alone(tmp_path: Path) -> None:
 
     for name, others in train.GROUPS["open-loop"].items():
         layout = sp.scenario(train.open_loop(tmp_path, name))["obs_layout"]
-        assert [block["name"] for block in layout] == ["time"] and others == []
+        assert [block["name"] for block in layout] == ["time"] and others == train.drawn_teams(name)
 
 
 def test_a_table_is_replaced_and_the_text_around_it_stays() -> None:
@@ -115,13 +115,13 @@ def test_every_group_is_trained_and_kept() -> None:
 
 def test_the_tables_of_the_page_are_those_of_the_files() -> None:
     text = PAGE.read_text()
-    assert page.with_tables(text, data.FOLDER) == text, "run `just results`"
+    assert page.with_tables(text, data.FOLDER) == text, "run `just generate`"
 
 
 def test_quoted_numbers_are_those_of_the_files() -> None:
     for path in values.PAGES:
         text = path.read_text()
-        assert values.filled(text, path) == text, "run `just values`"
+        assert values.filled(text, path) == text, "run `just generate`"
 
 
 MEASURED = "policy,one,two,none\na,1200,1.5,\nb-1,10,4,\nb-2,30,5,\nb-3,20,0.125,1\n"

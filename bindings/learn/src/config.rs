@@ -223,6 +223,9 @@ pub struct Config {
 /// of 2 and of 27 explore as long as they should.
 pub const TEAM_ENTROPY: f64 = 0.3;
 
+/// The same where teams are drawn: there every episode is another battle, which explores, too.
+pub const DRAWN_TEAM_ENTROPY: f64 = 0.15;
+
 /// The fewest agents of a fixed team whose critic sees the state by default. An observation says little of a
 /// battle of many units whose reward the team shares; in a small team, it says what the agent itself is worth
 /// to it. How strong drawn teams are, the state says, so there the critic always sees it.
@@ -231,9 +234,15 @@ pub const STATE_CRITIC_AGENTS: usize = 6;
 impl Config {
     /// The default hyperparameters in a scenario.
     pub fn for_scenario(scenario: &Scenario) -> Config {
-        let config = Config::for_agents(scenario.n_agents());
-        let algorithm = if scenario.draws_teams() { Algorithm::Mappo } else { config.algorithm };
-        Config { algorithm, ..config }.with_network(NetworkKind::for_scenario(scenario))
+        let mut config = Config::for_agents(scenario.n_agents());
+        if scenario.draws_teams() {
+            config.algorithm = Algorithm::Mappo;
+            // A fixed battle is nearly the same every time, so what an agent did says where in it it is. In
+            // drawn battles agents learn to go on with what they did.
+            config.last_actions = 0;
+            config.entropy = DRAWN_TEAM_ENTROPY / scenario.n_agents() as f64;
+        }
+        config.with_network(NetworkKind::for_scenario(scenario))
     }
 
     /// With this network, and the defaults that depend on it.
@@ -426,6 +435,14 @@ mod tests {
         scenario.smacv2.as_mut().expect("it is generated").obs_starcraft = false;
         assert_eq!(network(&scenario), NetworkKind::Flat);
         assert_eq!(network(&Scenario::standard("2s3z").expect("a standard scenario")), NetworkKind::Units);
+    }
+
+    #[test]
+    fn drawn_teams_explore_less_and_do_not_see_what_they_did() {
+        for (name, last_actions, entropy) in [("8m", 4, 0.3 / 8.0), ("zerg_10_vs_11", 0, 0.15 / 10.0)] {
+            let config = Config::for_scenario(&Scenario::standard(name).expect("a standard scenario"));
+            assert_eq!((config.last_actions, config.entropy), (last_actions, entropy), "{name}");
+        }
     }
 
     #[test]

@@ -133,7 +133,7 @@ hyperparameters! {
     /// or more and for drawn teams, otherwise ippo]
     algorithm: Algorithm,
     /// Number of its own last actions that an agent observes, 0 to 16; as in the pool, if --pool is given
-    /// [default: 4]
+    /// [default: 4, or 0 for drawn teams]
     last_actions: usize = count(0..=MAX_LAST_ACTIONS),
     /// Number of environments; those of the pool, if --pool is given [default: 64]
     num_envs: usize = count(1..=1 << 16),
@@ -170,8 +170,8 @@ hyperparameters! {
     value_clip: f64,
     /// Where the Huber loss becomes linear, in standard deviations of the returns [default: 10]
     huber: f64,
-    /// Weight of the entropy of an agent's actions at the beginning [default: 0.3 divided by the number of
-    /// agents]
+    /// Weight of the entropy of an agent's actions at the beginning [default: 0.3, or 0.15 for drawn
+    /// teams, divided by the number of agents]
     entropy: f64,
     /// Weight of the entropy at the end [default: 0]
     entropy_end: f64,

@@ -49,9 +49,14 @@ HIDDEN = {"flat": "64,64", "units": "32,64"}
 ACTOR_LR = {"flat": 7e-4, "units": 1.4e-3}
 """The default step sizes of the actor."""
 
-TEAM_ENTROPY = 0.3
+TEAM_ENTROPY, DRAWN_TEAM_ENTROPY = 0.3, 0.15
 """The more agents explore at once, the less can each of them learn from the reward that they share. So the
-default weight of the entropy is divided by their number."""
+default weight of the entropy is divided by their number. Where teams are drawn, every episode is another
+battle, which explores, too."""
+
+LAST_ACTIONS = 4
+"""How many of its last actions an agent of a fixed team observes by default. A fixed battle is nearly the
+same every time, so they say where in it it is. In drawn battles agents learn to go on with what they did."""
 
 STATE_CRITIC_AGENTS = 6
 """The fewest agents of a fixed team whose critic sees the state by default. An observation says little of a
@@ -82,7 +87,9 @@ class Options:
     # in a busy loop, and on a machine with other work that multiplies the time.
     torch_threads: int = option(1, "threads of PyTorch")
     threads: int = option(0, "threads of the pool; 0: as many as there are cores")
-    last_actions: int = option(4, "how many of its own last actions an agent observes")
+    last_actions: int = option(
+        -1, "how many of its own last actions an agent observes; -1: 4, or 0 for drawn teams"
+    )
     num_envs: int = option(64, "number of environments")
     horizon: int = option(64, "steps of each environment per update")
     epochs: int = option(4, "passes over the data of an update")
@@ -109,7 +116,9 @@ class Options:
     clip: float = option(0.2, "how far the probability ratio may leave 1")
     value_clip: float = option(0.2, "how far a value may leave its old one, in deviations of the returns")
     huber: float = option(10.0, "where the value loss becomes linear, in deviations of the returns")
-    entropy: float = option(-1.0, "weight of the entropy at the beginning; -1: 0.3 / number of agents")
+    entropy: float = option(
+        -1.0, "weight of the entropy at the beginning; -1: 0.3, or 0.15 for drawn teams, / number of agents"
+    )
     entropy_end: float = option(0.0, "weight of the entropy at the end")
     max_grad_norm: float = option(1.0, "longest gradient of each network")
     evaluate_every: int = option(0, "evaluate every so many steps, and keep the best weights; 0: never")
@@ -249,13 +258,16 @@ class Learner:
 
     def __init__(self, envs: sp.Envs, options: Options) -> None:
         if options.algorithm == "by team":
-            state = envs.n_agents >= STATE_CRITIC_AGENTS or sp.scenario(options.scenario)["teams_are_drawn"]
+            state = envs.n_agents >= STATE_CRITIC_AGENTS or teams_are_drawn(options)
             options = replace(options, algorithm="mappo" if state else "ippo")
         if options.network == "by scenario":
             has_units = units_network.has_units(sp.scenario(envs))
             options = replace(options, network="units" if has_units else "flat")
         if options.hidden == "by network":
             options = replace(options, hidden=HIDDEN[options.network])
+        if options.entropy < 0:
+            entropy = DRAWN_TEAM_ENTROPY if teams_are_drawn(options) else TEAM_ENTROPY
+            options = replace(options, entropy=entropy / envs.n_agents)
         if options.actor_lr < 0:
             options = replace(options, actor_lr=ACTOR_LR[options.network])
         self.envs, self.options, self.device = envs, options, torch.device(options.device)
@@ -309,8 +321,7 @@ class Learner:
         means over the gradient steps."""
         options = self.options
         lr_factor = 1 + (options.lr_end - 1) * progress
-        entropy = options.entropy if options.entropy >= 0 else TEAM_ENTROPY / self.envs.n_agents
-        entropy_weight = entropy + (options.entropy_end - entropy) * progress
+        entropy_weight = options.entropy + (options.entropy_end - options.entropy) * progress
         self.actor_optimiser.param_groups[0]["lr"] = options.actor_lr * lr_factor
         self.critic_optimiser.param_groups[0]["lr"] = options.critic_lr * lr_factor
         data = self.rows()
@@ -452,8 +463,18 @@ def recent(episodes: deque[tuple[float, bool, int]]) -> dict[str, float]:
     return {name: float(value) for name, value in zip(names, means, strict=True)}
 
 
+def teams_are_drawn(options: Options) -> bool:
+    return sp.scenario(options.scenario)["teams_are_drawn"]
+
+
+def last_actions(options: Options) -> int:
+    """How many of its last actions an agent observes."""
+    default = 0 if teams_are_drawn(options) else LAST_ACTIONS
+    return default if options.last_actions < 0 else options.last_actions
+
+
 def make(options: Options, num_envs: int) -> sp.Envs:
-    own_actions, threads = options.last_actions, options.threads or None
+    own_actions, threads = last_actions(options), options.threads or None
     return sp.make(options.scenario, num_envs, threads=threads, obs_last_actions=own_actions)
 
 
