@@ -135,21 +135,8 @@ results-search: install
 results-zoo +runs: _venv build
     {{ results }} {{ python }} -m results.zoo {{ runs }}
 
-# Write the tables of docs/results.md from the CSV files in docs/results, and the numbers that pages quote
-results: _venv && values
-    {{ results }} {{ python }} -m results.page
-
-# Write the numbers that the documentation quotes from the CSV files in docs/benchmarks and docs/results
-values: _venv && readme
-    {{ results }} {{ python }} -m results.values
-
 program := justfile_directory() / "target/release/smaclite-pool"
 pictures := justfile_directory() / "docs/pictures"
-
-# Draw charts and tables of docs/benchmarks.md from the CSV files in docs/benchmarks, and write the quoted numbers
-benchmark-plots: _venv && values
-    {{ python }} -m pip install --quiet matplotlib
-    {{ results }} {{ python }} -m results.benchmarks
 
 # Draw the pictures of the documentation, in docs/pictures (Debian: apt install chromium)
 pictures: install
@@ -165,14 +152,6 @@ pictures: install
     {{ python }} -m pip install --quiet playwright
     {{ python }} docs/page_pictures.py {{ pictures }}
 
-# Write the JSON Schemas of the documentation, in docs/schemas
-schemas:
-    cargo build --release --quiet -p smaclite-cli
-    mkdir -p {{ justfile_directory() }}/docs/schemas
-    for kind in scenario unit; do \
-        {{ program }} schema $kind > {{ justfile_directory() }}/docs/schemas/$kind.schema.json || exit; \
-    done
-
 # Kill, stop and restart pool processes at random; exit status 0 if every invariant held
 chaos minutes seed:
     cargo run --release --quiet -p smaclite-tests --bin chaos -- {{ minutes }} {{ seed }}
@@ -182,7 +161,7 @@ soak seed="1": (chaos "15" seed)
 
 # Check every interleaving of the hand-off between threads with loom
 loom $RUSTFLAGS="--cfg loom":
-    cargo test --release -p smaclite-pool --target-dir target/loom loom_tests
+    cargo test --profile loom -p smaclite-pool --target-dir target/loom loom_tests
 
 # Fuzz all code that reads data of other programs, SECONDS per target (installs cargo-fuzz; stable Rust works)
 fuzz seconds="60" $RUSTC_BOOTSTRAP="1":
@@ -262,17 +241,18 @@ lint-rust:
     cargo fmt --all --check
     cargo clippy --locked --release --workspace --all-targets -- -D warnings
 
-# Write the licences of all crates in the package, in THIRD-PARTY-LICENSES, after changes to Cargo.lock
-notices:
-    python3 bindings/notices.py
-
-# Write the README that the wheel contains, bindings/pypi.md, after changes to README.md
-readme:
+# Tests compare what the program makes with the files; with SMACLITE_WRITE they write them. Pictures, which need a browser,
+# are drawn by `just pictures`, and what is trained or measured by the recipes that do it.
+#
+# Write every generated file: schemas, man pages, completions, types of page scripts, licences, the wheel's README, tables, charts, quoted numbers
+generate: _venv
+    SMACLITE_WRITE=1 cargo test --release --quiet -p smaclite-view -p smaclite-playground -p smaclite-cli generated_
+    {{ python }} -m pip install --quiet matplotlib
+    {{ results }} {{ python }} -m results.values
+    {{ results }} {{ python }} -m results.page
+    {{ results }} {{ python }} -m results.benchmarks
     python3 bindings/readme.py
-
-# Write the man pages and completions that the wheel contains, after changes to the command line
-wheel-files $SMACLITE_WRITE="1":
-    cargo test --release -p smaclite-cli --test program shells
+    python3 bindings/notices.py
 
 schema := python + " -m check_jsonschema --builtin-schema vendor."
 

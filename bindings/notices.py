@@ -1,6 +1,6 @@
 """Writes THIRD-PARTY-LICENSES: the licences of all crates that the extension module contains.
 
-`just notices` writes the file, and `just lint` fails if it is not up to date. The wheel contains it, and
+`just generate` writes the file, and `just lint` fails if it is not up to date. The wheel contains it, and
 `smaclite-pool licences` prints it. Of a choice of licences that includes MIT, MIT is taken.
 """
 
@@ -20,7 +20,7 @@ RULE = "=" * 100
 HEAD = """Third-party licences
 
 smaclite-pool itself is licensed under MIT or Apache-2.0. Its extension module and its program contain
-the crates below, each list followed by the text of their licence. `just notices` writes this file.
+the crates below, each list followed by the text of their licence. `just generate` writes this file.
 """
 
 # Some crates have a licence, but no file with its text.
@@ -109,7 +109,7 @@ def main() -> None:
     text = notices()
     if sys.argv[1:] == ["--check"]:
         if not FILE.exists() or FILE.read_text() != text:
-            raise SystemExit("error: THIRD-PARTY-LICENSES is not up to date; `just notices` writes it")
+            raise SystemExit("error: THIRD-PARTY-LICENSES is not up to date; `just generate` writes it")
     else:
         FILE.write_text(text)
 

@@ -1,7 +1,7 @@
 """Writes bindings/pypi.md: README.md as wheels carry it, for a page without a repository around it.
 
 In the repository, links and pictures are relative, so that they work in every clone. PyPI shows the text
-alone; there they lead to the repository that pyproject.toml names. `just readme` writes the file, and
+alone; there they lead to the repository that pyproject.toml names. `just generate` writes the file, and
 `just lint` fails if it is not up to date.
 """
 
@@ -15,7 +15,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 SOURCE = ROOT / "README.md"
 FILE = ROOT / "bindings" / "pypi.md"
-NOTE = "<!-- `just readme` makes this file of README.md: the same with whole addresses -->\n\n"
+NOTE = "<!-- `just generate` makes this file of README.md: the same with whole addresses -->\n\n"
 
 
 def main(argv: list[str]) -> int:
@@ -23,7 +23,7 @@ def main(argv: list[str]) -> int:
     if "--check" not in argv:
         FILE.write_text(text)
     elif not FILE.exists() or FILE.read_text() != text:
-        print(f"error: {FILE.relative_to(ROOT)} is not up to date: run `just readme`", file=sys.stderr)
+        print(f"error: {FILE.relative_to(ROOT)} is not up to date: run `just generate`", file=sys.stderr)
         return 1
     return 0
 

@@ -89,7 +89,7 @@ def commands(runs: list[Row]) -> str:
         f"just results-train --seeds {len({row['seed'] for row in runs})}": (
             "trains and reports all teams; continues after Ctrl-C"
         ),
-        "just results": "writes the tables of this page from the CSV files in docs/results",
+        "just generate": "writes the tables of this page from the CSV files in docs/results",
     }
     width = max(map(len, lines))
     code = "".join(f"{command:{width}}  # {purpose}\n" for command, purpose in lines.items())

@@ -493,8 +493,8 @@ def test_pages_get_what_they_take_from_the_package() -> None:
 
 def test_tables_of_benchmarks_are_those_of_the_files() -> None:
     page, details = benchmarks.PAGE.read_text(), benchmarks.DETAILS.read_text()
-    assert benchmarks.page(page) == page, "run `just benchmark-plots`"
-    assert benchmarks.whole_tables(details) == details, "run `just benchmark-plots`"
+    assert benchmarks.page(page) == page, "run `just generate`"
+    assert benchmarks.whole_tables(details) == details, "run `just generate`"
 
 
 def test_quoted_sizes_of_pools_are_those_that_serve_prints(session: Session) -> None:

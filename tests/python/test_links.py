@@ -98,7 +98,7 @@ def test_every_reference_is_defined_and_used() -> None:
 def test_what_wheels_carry_works_where_there_is_no_repository() -> None:
     """PyPI shows this text alone: relative links lead nowhere there, and relative pictures are missing."""
     readme = module(ROOT / "bindings/readme.py")
-    assert readme.main(["--check"]) == 0, "run `just readme`"
+    assert readme.main(["--check"]) == 0, "run `just generate`"
     source = text(readme.FILE)
     found = [*targets(source)]
     assert len(found) > 20 and not [target for target in found if not target.startswith("https://")]

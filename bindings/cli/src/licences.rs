@@ -4,7 +4,7 @@ use super::CommandResult;
 use clap::Args;
 use std::io::Write;
 
-/// `just notices` writes it, and `just lint` checks that it is up to date.
+/// `just generate` writes it, and `just lint` checks that it is up to date.
 const NOTICES: &str = include_str!("../../../THIRD-PARTY-LICENSES");
 
 #[derive(Args)]

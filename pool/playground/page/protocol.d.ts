@@ -1,4 +1,4 @@
-// Written by a test of src/protocol.rs: SMACLITE_WRITE=1 cargo test -p smaclite-playground
+// Written by a test of src/protocol.rs: `just generate`
 import type { AgentOrder, EpisodeResult, Features, Order, ScenarioInfo } from "#view/data.d.ts";
 
 export type Request = { "type": "get_choices", } | { "type": "add_team" } & TeamFiles | { "type": "open_scenario", files: Array<TextFile>, } | { "type": "open_replay", name: string, 

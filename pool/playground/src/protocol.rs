@@ -256,7 +256,7 @@ mod tests {
     use ts_rs::Config;
 
     #[test]
-    fn the_scripts_know_these_messages() {
+    fn generated_types_of_messages() {
         let file = concat!(env!("CARGO_MANIFEST_DIR"), "/page/protocol.d.ts");
         let config = Config::default();
         macro_rules! declarations {
@@ -279,7 +279,7 @@ mod tests {
             ReplayFile,
         ];
         let text = format!(
-            "// Written by a test of src/protocol.rs: SMACLITE_WRITE=1 cargo test -p smaclite-playground\n\
+            "// Written by a test of src/protocol.rs: `just generate`\n\
              import type {{ AgentOrder, EpisodeResult, Features, Order, ScenarioInfo }} \
              from \"#view/data.d.ts\";\n\n\
              {declarations}"
@@ -288,6 +288,6 @@ mod tests {
             std::fs::write(file, &text).unwrap();
         }
         let written = std::fs::read_to_string(file).unwrap_or_default();
-        assert!(written == text, "they have changed: SMACLITE_WRITE=1 cargo test -p smaclite-playground");
+        assert!(written == text, "they have changed: run `just generate`");
     }
 }

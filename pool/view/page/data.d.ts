@@ -1,4 +1,4 @@
-// Written by a test of src/page/data.rs: SMACLITE_WRITE=1 cargo test -p smaclite-view
+// Written by a test of src/page/data.rs: `just generate`
 export type ScenarioInfo = { name: string, width: number, height: number, 
 /**
  * Blocked rectangles: west, south, east and north side, in squares.

@@ -101,10 +101,9 @@ fn there_is_a_man_page_per_command() {
     assert_eq!(refused.status.code(), Some(1));
 }
 
-/// The wheel installs man pages and completions where man and the shells look for them. `SMACLITE_WRITE=1`
-/// (`just wheel-files`) writes them anew.
+/// The wheel installs man pages and completions where man and the shells look for them.
 #[test]
-fn the_files_of_the_wheel_are_up_to_date() {
+fn generated_man_pages_and_completions() {
     let share = Path::new(env!("CARGO_MANIFEST_DIR")).join("../wheel/data/share");
     let folder = tempfile::tempdir().expect("a folder");
     output(folder.path(), "man --out man/man1");
@@ -124,7 +123,7 @@ fn the_files_of_the_wheel_are_up_to_date() {
         let _ = fs::remove_dir_all(&share); // the first time, there is none
         copy(folder.path(), &share);
     }
-    assert_eq!(files(&share), files(folder.path()), "`just wheel-files` writes them");
+    assert_eq!(files(&share), files(folder.path()), "run `just generate`");
 }
 
 fn copy(from: &Path, to: &Path) {

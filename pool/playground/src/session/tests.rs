@@ -29,7 +29,7 @@ fn actions(session: &mut Session) -> Vec<Value> {
 
 /// The test of `engine.js` plays the battles of the file that this one writes, in WebAssembly.
 #[test]
-fn the_test_of_the_engine_has_battles_of_this_processor() {
+fn generated_battles_for_the_test_of_the_engine() {
     let battles = Scripted::NAMES.iter().zip(["2s3z", "MMM", "3s_vs_5z", "terran_5_vs_5"].iter().cycle());
     let opponents = Opponent::scripts().map(Opponent::name);
     let mut session = Session::default();
@@ -52,7 +52,7 @@ fn the_test_of_the_engine_has_battles_of_this_processor() {
         std::fs::write(file, &text).unwrap();
     }
     let written = std::fs::read_to_string(file).unwrap_or_default();
-    assert!(written == text, "it has changed: SMACLITE_WRITE=1 cargo test -p smaclite-playground");
+    assert!(written == text, "it has changed: run `just generate`");
 }
 
 #[test]

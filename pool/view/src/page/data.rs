@@ -307,7 +307,7 @@ mod tests {
     use ts_rs::Config;
 
     #[test]
-    fn the_scripts_know_this_data() {
+    fn generated_types_of_page_data() {
         let file = concat!(env!("CARGO_MANIFEST_DIR"), "/page/data.d.ts");
         let config = Config::default();
         let declarations = [
@@ -322,25 +322,25 @@ mod tests {
             Order::decl(&config),
             AgentOrder::decl(&config),
         ];
-        let head = "// Written by a test of src/page/data.rs: SMACLITE_WRITE=1 cargo test -p smaclite-view\n";
+        let head = "// Written by a test of src/page/data.rs: `just generate`\n";
         let text = head.to_owned() + &declarations.map(|text| format!("export {text}\n")).concat();
         if std::env::var_os("SMACLITE_WRITE").is_some() {
             std::fs::write(file, &text).unwrap();
         }
         let written = std::fs::read_to_string(file).unwrap_or_default();
-        assert!(written == text, "the data has changed: SMACLITE_WRITE=1 cargo test -p smaclite-view");
+        assert!(written == text, "the data has changed: run `just generate`");
     }
 
     /// The test of `track.js` decodes the file that this one writes.
     #[test]
-    fn the_test_of_the_decoder_has_a_battle() {
+    fn generated_battle_for_the_test_of_the_decoder() {
         let file = concat!(env!("CARGO_MANIFEST_DIR"), "/page/track.test.json");
         let text = format!("{}\n", battle_as_json());
         if std::env::var_os("SMACLITE_WRITE").is_some() {
             std::fs::write(file, &text).unwrap();
         }
         let written = std::fs::read_to_string(file).unwrap_or_default();
-        assert!(written == text, "it has changed: SMACLITE_WRITE=1 cargo test -p smaclite-view");
+        assert!(written == text, "it has changed: run `just generate`");
     }
 
     /// Some steps of a battle, encoded and as they are.

@@ -74,7 +74,7 @@ mod tests {
 
     /// The tests of the scripts read the file that this one writes.
     #[test]
-    fn the_tests_of_the_scripts_have_what_is_built_in() {
+    fn generated_types_for_the_tests_of_the_scripts() {
         let file = concat!(env!("CARGO_MANIFEST_DIR"), "/src/web/pages/editor/builtins.json");
         let mut builtins = builtins();
         builtins.scenarios.retain(|scenario| scenario.name == "2s3z");
@@ -84,6 +84,6 @@ mod tests {
             std::fs::write(file, &text).unwrap();
         }
         let written = std::fs::read_to_string(file).unwrap_or_default();
-        assert!(written == text, "it has changed: SMACLITE_WRITE=1 cargo test builtins");
+        assert!(written == text, "it has changed: run `just generate`");
     }
 }

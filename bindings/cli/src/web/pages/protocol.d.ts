@@ -1,5 +1,4 @@
-// Written by a test of protocol/mod.rs, from the types there:
-// SMACLITE_WRITE=1 cargo test protocol
+// Written by a test of protocol/mod.rs, from the types there: `just generate`
 import type { AgentOrder, EpisodeResult, Features, Order, ScenarioInfo, TypeInfo } from "#view/data.d.ts";
 
 export type Version = 5;

@@ -79,8 +79,7 @@ fn description() -> String {
         ReplayFile,
     ];
     format!(
-        "// Written by a test of protocol/mod.rs, from the types there:\n\
-         // SMACLITE_WRITE=1 cargo test protocol\n\
+        "// Written by a test of protocol/mod.rs, from the types there: `just generate`\n\
          import type {{ AgentOrder, EpisodeResult, Features, Order, ScenarioInfo, TypeInfo }} \
          from \"#view/data.d.ts\";\n\n\
          export type Version = {VERSION};\n{FOREIGN}{declarations}"
@@ -88,12 +87,12 @@ fn description() -> String {
 }
 
 #[test]
-fn the_scripts_know_these_messages() {
+fn generated_types_of_messages() {
     if std::env::var_os("SMACLITE_WRITE").is_some() {
         std::fs::write(FILE, description()).unwrap();
     }
     let written = std::fs::read_to_string(FILE).unwrap_or_default();
-    assert!(written == description(), "the messages have changed: SMACLITE_WRITE=1 cargo test protocol");
+    assert!(written == description(), "the messages have changed: run `just generate`");
 }
 
 fn keys(value: &Value) -> Vec<&str> {
