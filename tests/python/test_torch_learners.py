@@ -8,7 +8,7 @@ import json
 import subprocess
 import sys
 from collections import deque
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from itertools import product
 from pathlib import Path
 from types import SimpleNamespace
@@ -185,18 +185,14 @@ def test_defaults_and_weights_are_those_of_the_program(tmp_path: Path) -> None:
     """So the two can be compared, and a folder of `smaclite-pool train` evaluates the team."""
     program = [sys.executable, "-m", "smaclite_pool"]
     for algorithm, network in product(("mappo", "ippo"), ("flat", "units")):
-        train(ppo, tmp_path / network, algorithm, network=network, steps=1_000, num_envs=16)
+        learner, _ = train(ppo, tmp_path / network, algorithm, network=network, steps=1_000)
         weights = safetensors.load_file(tmp_path / f"{network}/3m-{algorithm}-0/weights.safetensors")
         folder = tmp_path / f"program-{algorithm}-{network}"
         command = ["train", "3m", "--algorithm", algorithm, "--network", network, "--steps", "1"]
         subprocess.run([*program, *command, "--out", str(folder)], check=True, capture_output=True)
 
         config = json.loads((folder / "run.json").read_text())["config"]
-        options = asdict(
-            ppo.Options(algorithm=algorithm, network=network, steps=1, entropy=ppo.TEAM_ENTROPY / 3)
-        )
-        options |= {"hidden": widths(ppo.HIDDEN[network]), "actor_lr": ppo.ACTOR_LR[network]}
-        assert {name: options.get(name, options.get(f"{name}_")) for name in config} == config
+        assert options_as_in_config(replace(learner.options, steps=1), config) == config
         assert config.get("network", "flat") == network
 
         file = folder / "weights.safetensors"
@@ -209,21 +205,19 @@ def test_defaults_and_weights_are_those_of_the_program(tmp_path: Path) -> None:
         assert "mean return" in done.stdout
 
 
-def widths(text: str) -> list[int]:
-    return [int(width) for width in text.split(",")]
+def options_as_in_config(options: ppo.Options, config: dict[str, Any]) -> dict[str, Any]:
+    values = asdict(options) | {"hidden": [int(width) for width in options.hidden.split(",")]}
+    return {name: values.get(name, values.get(f"{name}_")) for name in config}
 
 
-@pytest.mark.parametrize("scenario", ["zerg_5_vs_5", "MMM"])
-def test_defaults_that_depend_on_the_team_are_those_of_the_program(scenario: str, tmp_path: Path) -> None:
-    program = [sys.executable, "-m", "smaclite_pool", "train", scenario, "--steps", "1", "--num-envs", "2"]
-    subprocess.run([*program, "--out", str(tmp_path / "run")], check=True, capture_output=True)
-    config = json.loads((tmp_path / "run" / "run.json").read_text())["config"]
-    with sp.make(scenario, 2, obs_last_actions=4) as envs:
-        learner = ppo.Learner(envs, ppo.Options(scenario=scenario, num_envs=2))
-        options = learner.options
-    assert options.network == config["network"] == "units"
-    assert (options.algorithm, options.actor_lr) == (config["algorithm"], config["actor_lr"])
-    assert widths(options.hidden) == config["hidden"]
+@pytest.mark.parametrize("scenario", ["3m", "8m", "MMM", "zerg_5_vs_5", "protoss_10_vs_11"])
+def test_defaults_of_a_scenario_are_those_of_the_program(scenario: str, tmp_path: Path) -> None:
+    """They depend on the number of agents, and on whether teams are drawn."""
+    command = ["-m", "smaclite_pool", "train", scenario, "--steps", "1", "--num-envs", "4", "--horizon", "8"]
+    subprocess.run([sys.executable, *command, "--out", str(tmp_path / "a")], check=True, capture_output=True)
+    config = json.loads((tmp_path / "a" / "run.json").read_text())["config"]
+    options = ppo.with_defaults(ppo.Options(scenario, steps=1, num_envs=4, horizon=8))
+    assert options_as_in_config(options, config) == config
 
 
 def some_batch(envs: sp.Envs) -> sp.Batch:

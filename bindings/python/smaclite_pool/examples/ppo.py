@@ -257,19 +257,7 @@ class Learner:
     """Networks, optimisers and a rollout."""
 
     def __init__(self, envs: sp.Envs, options: Options) -> None:
-        if options.algorithm == "by team":
-            state = envs.n_agents >= STATE_CRITIC_AGENTS or teams_are_drawn(options)
-            options = replace(options, algorithm="mappo" if state else "ippo")
-        if options.network == "by scenario":
-            has_units = units_network.has_units(sp.scenario(envs))
-            options = replace(options, network="units" if has_units else "flat")
-        if options.hidden == "by network":
-            options = replace(options, hidden=HIDDEN[options.network])
-        if options.entropy < 0:
-            entropy = DRAWN_TEAM_ENTROPY if teams_are_drawn(options) else TEAM_ENTROPY
-            options = replace(options, entropy=entropy / envs.n_agents)
-        if options.actor_lr < 0:
-            options = replace(options, actor_lr=ACTOR_LR[options.network])
+        options = with_defaults(options)
         self.envs, self.options, self.device = envs, options, torch.device(options.device)
         self.sees_state = options.algorithm == "mappo"
         n_agents = envs.n_agents
@@ -463,30 +451,40 @@ def recent(episodes: deque[tuple[float, bool, int]]) -> dict[str, float]:
     return {name: float(value) for name, value in zip(names, means, strict=True)}
 
 
-def teams_are_drawn(options: Options) -> bool:
-    return sp.scenario(options.scenario)["teams_are_drawn"]
-
-
-def last_actions(options: Options) -> int:
-    """How many of its last actions an agent observes."""
-    default = 0 if teams_are_drawn(options) else LAST_ACTIONS
-    return default if options.last_actions < 0 else options.last_actions
+def with_defaults(options: Options) -> Options:
+    """With a value for every option whose default depends on the scenario or on the network."""
+    scenario = sp.scenario(options.scenario)
+    are_drawn, n_agents = scenario["teams_are_drawn"], len(scenario["allies"])
+    if options.algorithm == "by team":
+        state = n_agents >= STATE_CRITIC_AGENTS or are_drawn
+        options = replace(options, algorithm="mappo" if state else "ippo")
+    if options.network == "by scenario":
+        options = replace(options, network="units" if units_network.has_units(scenario) else "flat")
+    if options.hidden == "by network":
+        options = replace(options, hidden=HIDDEN[options.network])
+    if options.last_actions < 0:
+        options = replace(options, last_actions=0 if are_drawn else LAST_ACTIONS)
+    if options.entropy < 0:
+        options = replace(options, entropy=(DRAWN_TEAM_ENTROPY if are_drawn else TEAM_ENTROPY) / n_agents)
+    if options.actor_lr < 0:
+        options = replace(options, actor_lr=ACTOR_LR[options.network])
+    return options
 
 
 def make(options: Options, num_envs: int) -> sp.Envs:
-    own_actions, threads = last_actions(options), options.threads or None
+    own_actions, threads = with_defaults(options).last_actions, options.threads or None
     return sp.make(options.scenario, num_envs, threads=threads, obs_last_actions=own_actions)
 
 
 def train(options: Options, make_envs: Callable[[Options, int], Any] = make) -> Learner:
     """Trains a team, and writes log and weights to its folder."""
+    options = with_defaults(options)
     torch.manual_seed(options.seed)
     torch.set_num_threads(options.torch_threads)
     episodes: deque[tuple[float, bool, int]] = deque(maxlen=200)  # return, won and length
     update = steps = n_episodes = 0
     with make_envs(options, options.num_envs) as envs:
         learner = Learner(envs, options)
-        options = learner.options
         folder = Path(options.out) / f"{Path(options.scenario).stem}-{options.algorithm}-{options.seed}"
         folder.mkdir(parents=True)
         (folder / "options.json").write_text(json.dumps(asdict(options), indent=2))

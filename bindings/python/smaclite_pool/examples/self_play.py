@@ -63,7 +63,7 @@ class Sides(sp.Wrapper):
 
 
 def make(options: ppo.Options, num_envs: int) -> Any:
-    own_actions, threads = ppo.last_actions(options), options.threads or None
+    own_actions, threads = ppo.with_defaults(options).last_actions, options.threads or None
     if num_envs % 2 == 1:
         raise SystemExit(f"self_play: --num-envs must be even, got {num_envs}: a battle has two sides")
     envs = sp.make(
