@@ -227,7 +227,7 @@ impl LaneServices {
                 Err(SubscriberCreateError::ExceedsMaxSupportedSubscribers)
                     if begin.elapsed() < RECLAIM_TIMEOUT =>
                 {
-                    // The supervisor looks for dead processes every 100 ms.
+                    // The supervisor looks for dead processes every 100 ms while a peer attaches.
                     std::thread::sleep(Duration::from_millis(20));
                 }
                 Err(SubscriberCreateError::ExceedsMaxSupportedSubscribers) => return Err(still_held()),

@@ -35,6 +35,13 @@ const MAX_UNATTACHED: usize = 128;
 /// The most of these that one process may have, so that it cannot displace the others.
 const MAX_UNATTACHED_PER_PROCESS: usize = 32;
 
+/// For how long after a peer was active, or ended, dead processes are looked for at every check.
+const LOOKED_FOR: Duration = Duration::from_secs(1);
+
+/// How often they are looked for otherwise: each time, every node of the user is looked at, and the user may
+/// have hundreds of pools.
+const REST: Duration = Duration::from_secs(1);
+
 /// What the control thread owns. Fields are dropped in this order: the workers stop before their ports are
 /// closed, and the node is closed last.
 pub(crate) struct ControlServer {
@@ -80,12 +87,16 @@ enum Role {
 pub(crate) fn serve(mut server: ControlServer, listener: UnixListener, stop: UnixStream, spare: OwnedFd) {
     let mut connections: Vec<Connection> = Vec::new();
     let mut sessions = 0u64;
-    let mut last_check = Instant::now();
+    let begin = Instant::now();
+    let (mut last_check, mut last_cleanup, mut last_activity) = (begin, begin, begin);
     let mut spare = Some(spare);
     loop {
         let ready = wait(&listener, &stop, &connections);
         if ready.stop {
             break;
+        }
+        if ready.listener || !ready.connections.is_empty() {
+            last_activity = Instant::now();
         }
         for index in ready.connections.into_iter().rev() {
             if !server.handle(&mut connections[index], &mut sessions) {
@@ -110,8 +121,11 @@ pub(crate) fn serve(mut server: ControlServer, listener: UnixListener, stop: Uni
         }
         if last_check.elapsed() >= CHECK_INTERVAL {
             last_check = Instant::now();
-            server.ipc_node.node.try_cleanup_dead_nodes();
             server.measure();
+            if last_activity.elapsed() < LOOKED_FOR || last_cleanup.elapsed() >= REST {
+                last_cleanup = last_check;
+                server.ipc_node.node.try_cleanup_dead_nodes();
+            }
         }
     }
 }
