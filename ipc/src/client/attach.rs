@@ -18,9 +18,9 @@ use crate::services::{
 use crate::wait_options::WaitOptions;
 use smaclite_engine::Faction;
 use smaclite_engine::policy::Tactic;
+use smaclite_pool::WaitStrategy;
 use smaclite_pool::layout::Layout;
 use smaclite_pool::transport::{RequestNumber, SessionId};
-use smaclite_pool::{Deadline, WaitStrategy};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -96,9 +96,9 @@ impl Client {
         wait: WaitOptions<'_>,
     ) -> Result<Client, ConnectError> {
         let WaitOptions { timeout, interrupted } = wait;
-        let mut deadline = timeout.map(|timeout| Deadline::new(Instant::now(), timeout));
+        let begin = Instant::now();
         loop {
-            let left = deadline.as_mut().map(|deadline| deadline.left(Instant::now()));
+            let left = timeout.map(|time| time.saturating_sub(begin.elapsed()));
             let for_answer = match timeout {
                 Some(Duration::ZERO) => Some(RESPONSE_TIMEOUT),
                 _ => left.map(|left| left.max(CHECK_INTERVAL)),
