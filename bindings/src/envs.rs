@@ -69,6 +69,7 @@ impl Envs {
     pub fn new(client: Client, embedded: Option<Embedded>, recording: Option<RecordingToFile>) -> Envs {
         let (description, layout) = (client.description().clone(), client.layout().clone());
         let side = client.side();
+        exit::end_at_exit(client.folder_use());
         let (supervisor, scenario) = embedded.map(|pool| (pool.supervisor, pool.scenario)).unzip();
         let shared = Arc::new(SharedClient::new(client, supervisor, recording));
         let weak = Arc::downgrade(&shared);

@@ -7,6 +7,7 @@
 use crate::errors::class;
 use pyo3::prelude::*;
 use pyo3::types::IntoPyDict;
+use smaclite_ipc::FolderUse;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError, Weak};
 use std::thread::JoinHandle;
@@ -28,6 +29,10 @@ const EXIT_TIMEOUT: Duration = Duration::from_secs(5);
 /// locked mutex.
 static OPEN_CLIENTS: Mutex<Vec<Weak<dyn CloseAtExit>>> = Mutex::new(Vec::new());
 
+/// Uses to end at exit, because batches may be left: in the frame of a daemon thread, in a cycle that is never
+/// freed. Locked as [`OPEN_CLIENTS`] is.
+static FOLDER_USES: Mutex<Vec<FolderUse>> = Mutex::new(Vec::new());
+
 /// What is closed when the interpreter exits.
 pub trait CloseAtExit: Send + Sync {
     /// Closes, unless another thread's call is using it: then `None`. Waits end when `interrupted` returns
@@ -40,6 +45,13 @@ pub fn close_at_exit(client: Weak<dyn CloseAtExit>) {
     let mut clients = OPEN_CLIENTS.lock().unwrap_or_else(PoisonError::into_inner);
     clients.retain(|other| other.strong_count() > 0);
     clients.push(client);
+}
+
+/// Ends `folder_use` at exit, after all clients are closed.
+pub fn end_at_exit(folder_use: FolderUse) {
+    let mut uses = FOLDER_USES.lock().unwrap_or_else(PoisonError::into_inner);
+    uses.retain(|other| !other.has_ended());
+    uses.push(folder_use);
 }
 
 /// Registers [`close_all`] with `atexit`, and [`forget_all`] for forked children.
@@ -58,6 +70,7 @@ fn forget_all() {
     PENDING_CALLS.store(0, Ordering::SeqCst);
     CANCELLED_THREADS.lock().unwrap_or_else(PoisonError::into_inner).clear();
     OPEN_CLIENTS.lock().unwrap_or_else(PoisonError::into_inner).clear();
+    FOLDER_USES.lock().unwrap_or_else(PoisonError::into_inner).clear();
 }
 
 /// Whether the interpreter is exiting.
@@ -119,4 +132,6 @@ fn close_all(py: Python<'_>) {
             });
         }
     });
+    let uses = std::mem::take(&mut *FOLDER_USES.lock().unwrap_or_else(PoisonError::into_inner));
+    uses.iter().for_each(FolderUse::end);
 }

@@ -3,6 +3,7 @@
 use crate::batch::Batch;
 use crate::convert::to_dict;
 use crate::errors::{class, client_error, connect_error};
+use crate::exit::end_at_exit;
 use crate::query::runtime_dir;
 use crate::wait::run_on_thread;
 use pyo3::prelude::*;
@@ -62,6 +63,7 @@ impl Spectator {
             smaclite_ipc::Spectator::connect_within(&runtime_dir, &pool, lane.as_deref(), wait)
         })?;
         let spectator = spectator.map_err(connect_error)?;
+        end_at_exit(spectator.folder_use());
         Ok(Spectator(Mutex::new(Some(Watching { spectator, latest: None }))))
     }
 

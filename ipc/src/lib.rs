@@ -69,6 +69,7 @@ pub use name::{NameError, check_name};
 pub use process_owned::{NotOwner, ProcessOwned};
 pub use runtime_dir::{ROOT_VARIABLE, RuntimeDir, RuntimeDirError};
 pub use services::IpcError;
+pub use shm_dir::FolderUse;
 #[doc(hidden)] // for tests that speak iceoryx2 themselves
 pub use shm_dir::iceoryx;
 pub use smaclite_pool::{EpisodePart, MAX_LOG_BYTES, WaitStrategy};

@@ -10,7 +10,7 @@ use crate::connection_failures::{Failures, PeerEnd};
 pub use crate::error::IpcError;
 pub(crate) use crate::error::doing;
 use crate::runtime_dir::RuntimeDir;
-use crate::shm_dir::ShmDir;
+use crate::shm_dir::{FolderUse, ShmDir};
 use crate::wire::{FrameHeader, RequestHeader, max_request_bytes};
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
@@ -45,7 +45,13 @@ const RECLAIM_TIMEOUT: Duration = Duration::from_secs(1);
 /// dropped subscriber, also those that are still read. Dropped in this order.
 pub(crate) struct FramePort {
     pub(crate) subscriber: FrameSubscriber,
-    _shm_dir: Arc<ShmDir>,
+    shm_dir: Arc<ShmDir>,
+}
+
+impl FramePort {
+    pub(crate) fn folder_use(&self) -> FolderUse {
+        FolderUse::of(&self.shm_dir)
+    }
 }
 
 /// A node, and the folder of its files. Dropped in this order.
@@ -222,7 +228,7 @@ impl LaneServices {
             let builder = self.frames.subscriber_builder().buffer_size(waiting);
             match builder.set_degradation_handler(failures.handler(PeerEnd::Sender)).create() {
                 Ok(subscriber) => {
-                    return Ok(FramePort { subscriber, _shm_dir: Arc::clone(&ipc_node.shm_dir) });
+                    return Ok(FramePort { subscriber, shm_dir: Arc::clone(&ipc_node.shm_dir) });
                 }
                 Err(SubscriberCreateError::ExceedsMaxSupportedSubscribers)
                     if begin.elapsed() < RECLAIM_TIMEOUT =>

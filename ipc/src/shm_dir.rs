@@ -14,6 +14,7 @@ use std::fs::{DirBuilder, File};
 use std::io::{Error, ErrorKind, Result};
 use std::os::unix::fs::{DirBuilderExt, FileExt, MetadataExt};
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Weak};
 use std::time::{Duration, Instant};
 
 /// The file that every process locks that uses iceoryx2 here; its content is the suffix.
@@ -155,14 +156,45 @@ impl ShmDir {
     }
 }
 
-impl Drop for Usage {
-    fn drop(&mut self) {
-        // A folder that cannot be removed now is found by its suffix later.
+impl Usage {
+    /// Gives up the shared lock. The last one removes the folder.
+    fn end(&self) {
+        // Where another lock is held, this fails and the shared lock is lost (flock(2)). A folder that cannot
+        // be removed now is found by its suffix later.
         if flock(&self.lock, FlockOperation::NonBlockingLockExclusive).is_ok()
+            && is_file_at(&self.lock, &self.lock_path)
             && remove_folder(&self.folder).is_ok()
         {
             let _ = std::fs::remove_file(&self.lock_path);
         }
+    }
+}
+
+impl Drop for Usage {
+    fn drop(&mut self) {
+        self.end();
+    }
+}
+
+/// That a learner or spectator uses the folder of its pool's files. A batch keeps them longer than its client.
+pub struct FolderUse(Weak<ShmDir>);
+
+impl FolderUse {
+    pub(crate) fn of(shm_dir: &Arc<ShmDir>) -> FolderUse {
+        FolderUse(Arc::downgrade(shm_dir))
+    }
+
+    /// For a process that exits: gives up the files, also if batches are left that nothing will drop any
+    /// more. Their memory stays mapped. Only other processes and the pool itself keep the folder now.
+    pub fn end(&self) {
+        if let Some(shm_dir) = self.0.upgrade().filter(|shm_dir| shm_dir.usage.is_owned()) {
+            shm_dir.usage.end();
+        }
+    }
+
+    /// Whether nothing of the client is left.
+    pub fn has_ended(&self) -> bool {
+        self.0.strong_count() == 0
     }
 }
 

@@ -11,6 +11,7 @@ use crate::memory::{PORTS, check_room};
 use crate::process_owned::ProcessOwned;
 use crate::runtime_dir::RuntimeDir;
 use crate::services::{FramePort, IpcNode, LaneServices, doing, open_node};
+use crate::shm_dir::FolderUse;
 use crate::wait_options::WaitOptions;
 use crate::wire::{ReceivedFrame, read_frame};
 use smaclite_pool::layout::Layout;
@@ -116,6 +117,11 @@ impl Spectator {
     /// The lane that it watches.
     pub fn description(&self) -> &LaneDescription {
         &self.lane.description
+    }
+
+    /// Its use of the folder of the pool's files, which every batch prolongs.
+    pub fn folder_use(&self) -> FolderUse {
+        self.lane.frames.folder_use()
     }
 
     /// The newest batch of any session, `None` before the first. Never blocks.

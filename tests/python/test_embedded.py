@@ -210,10 +210,19 @@ def test_asynchronous_stepping_serves_every_environment() -> None:
         assert counts.min() > 0
 
 
-@pytest.mark.parametrize("doing", ["envs.step(envs.sample_actions())", "sp.make('2s3z', num_envs=2).reset()"])
+@pytest.mark.parametrize(
+    "doing",
+    [
+        "envs.step(envs.sample_actions())",
+        "sp.make('2s3z', num_envs=2).reset()",
+        "batch = sp.make('2s3z', num_envs=2).reset(); time.sleep(100)",
+        "batch = sp.Spectator(envs.name).latest(); time.sleep(100)",
+    ],
+)
 def test_an_interpreter_that_exits_while_a_daemon_thread_works_leaves_nothing(doing: str) -> None:
     """The exit once closed only idle environments: those of a thread inside `step` left the files of their
-    pool until the next start. The fixture `runtime_dir` fails this test if a file is left."""
+    pool until the next start. So did a batch that the thread held. The fixture `runtime_dir` fails this test
+    if a file is left."""
     script = f"""
 import threading, time
 import smaclite_pool as sp

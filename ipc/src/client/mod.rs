@@ -21,6 +21,7 @@ use crate::control::client::ControlClient;
 use crate::control::protocol::LaneDescription;
 use crate::process_owned::ProcessOwned;
 use crate::services::FrameSample;
+use crate::shm_dir::FolderUse;
 use crate::transport::Iceoryx;
 use crate::wait_options::WaitOptions;
 use attach::Ports;
@@ -115,6 +116,11 @@ impl Client {
     /// The lane that this learner is attached to.
     pub fn description(&self) -> &LaneDescription {
         &self.lane.description
+    }
+
+    /// Its use of the folder of the pool's files, which every batch prolongs.
+    pub fn folder_use(&self) -> FolderUse {
+        self.lane.ports.frames.folder_use()
     }
 
     /// The side of this learner, if the lane has a learner for each.
