@@ -1,8 +1,7 @@
-//! What a batch costs apart from its environments: round trips of lanes whose environments do nothing.
+//! What a batch costs apart from its environments: round trips of lanes whose battles are not stepped.
 
 use crate::ping_pong::Endpoint;
 use crate::second_process;
-use smaclite_cli::bench::null::SIZES;
 use smaclite_cli::bench::throughput::median;
 use smaclite_cli::process::SecondProcess;
 use smaclite_ipc::{Client, ConnectError, RuntimeDir, WaitOptions, WaitStrategy};
@@ -55,7 +54,7 @@ fn lane(num_envs: usize, threads: usize, wait: WaitStrategy) -> Result<f64, Box<
         SecondProcess::start(second_process(&["null", &name, &numbers[0], &numbers[1], wait.name()])?)?;
     let mut client = connect(&name, wait)?;
     client.reset(Some(0), None, WaitOptions::forever())?;
-    let actions = vec![1; num_envs * SIZES.n_agents];
+    let actions = vec![1; num_envs * client.description().sizes.n_agents];
     microseconds(&mut || {
         drop(client.step(&actions, None, WaitOptions::forever())?);
         Ok(())

@@ -21,8 +21,8 @@ use serde_json::Value;
 use smaclite_engine::policy::Tactic;
 use smaclite_engine::{BattleSetup, EnemySide, EpisodeLimit, OpponentsError, Rules, Sides};
 use smaclite_ipc::{
-    Client, ConnectError, LaneConfig, LaneEnvs, RuntimeDir, Supervisor, SupervisorConfig, WaitOptions,
-    WaitStrategy, check_name,
+    Client, ConnectError, LaneConfig, RuntimeDir, Supervisor, SupervisorConfig, WaitOptions, WaitStrategy,
+    check_name,
 };
 use smaclite_learn::{LaneOpponents, LaneOpponentsError};
 use smaclite_pool::fields::FieldSet;
@@ -198,12 +198,12 @@ pub fn make(
             let suffix = if lanes.is_some() { format!("-{index}") } else { String::new() };
             let name = lane_name(&scenario.name, &suffix);
             let num_envs = num_envs / count + usize::from(index < num_envs % count);
-            let envs = LaneEnvs::Battle { setup: setup.clone(), team: team.clone() };
+            let (setup, team) = (setup.clone(), team.clone());
             let batch_size = batch_size.unwrap_or(num_envs);
             let seed = seed.wrapping_add(first_env as u64);
             let settings = LaneSettings { num_envs, batch_size, seed, ..settings };
             names.push(name.clone());
-            configs.push(LaneConfig { name, envs, settings, max_held_batches, spectators });
+            configs.push(LaneConfig { name, setup, team, settings, max_held_batches, spectators });
             first_env += num_envs;
         }
         let config = SupervisorConfig { name, lanes: configs, options, runtime_dir };

@@ -84,7 +84,7 @@ impl Follower {
     /// state.
     ///
     /// # Errors
-    /// If the pool cannot be reached, the lane has no battles, or no such environment, or too many
+    /// If the pool cannot be reached, the lane has no such environment, or too many
     /// followers.
     pub fn connect(
         runtime_dir: &RuntimeDir,

@@ -11,7 +11,7 @@ use smaclite_engine::{BattleSetup, Sides};
 /// number or none.
 ///
 /// # Errors
-/// If the pool cannot be reached, or the lane has no battles.
+/// If the pool cannot be reached, or has no such lane.
 pub fn lane_scenario(
     runtime_dir: &RuntimeDir,
     pool: &str,

@@ -74,9 +74,7 @@ pub use shm_dir::FolderUse;
 pub use shm_dir::iceoryx;
 pub use smaclite_pool::{EpisodePart, MAX_LOG_BYTES, WaitStrategy};
 pub use spectator::Spectator;
-pub use supervisor::{
-    LaneConfig, LaneConfigError, LaneEnvs, PreparedPool, StartError, Supervisor, SupervisorConfig,
-};
+pub use supervisor::{LaneConfig, LaneConfigError, PreparedPool, StartError, Supervisor, SupervisorConfig};
 #[doc(hidden)] // for the same tests
 pub use variant::PoolService;
 pub use wait_options::WaitOptions;

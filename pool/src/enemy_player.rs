@@ -2,7 +2,7 @@
 //! action of both sides.
 
 use crate::enemy_team::{EnemyPolicy, EnemyTeam, EnemyView};
-use crate::environment::JointAction;
+use crate::joint_action::JointAction;
 use crate::own_features::{Appended, OwnFeatures};
 use smaclite_engine::{Battle, Faction, Opponent, Scratch, Sizes, action};
 use std::sync::atomic::AtomicI32;

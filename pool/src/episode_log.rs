@@ -20,18 +20,12 @@ const MIN_SNAPSHOTS: usize = 4;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct FollowerId(pub u64);
 
-/// Why environments cannot be followed.
+/// The logs of the lane have no room for more environments.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum FollowError {
-    /// They are not battles.
-    #[error("only battles can be followed")]
-    NoBattle,
-    /// The logs of the lane have no room for them.
-    #[error("at most {limit} environments of this size can be followed at once")]
-    TooMany {
-        /// How many environments of the lane can be followed at once.
-        limit: usize,
-    },
+#[error("at most {limit} environments of this size can be followed at once")]
+pub struct TooManyFollowed {
+    /// How many environments of the lane can be followed at once.
+    pub limit: usize,
 }
 
 /// The memory that the logs of one lane share.
@@ -47,10 +41,10 @@ impl LogMemory {
     }
 
     /// Is there room for the logs of more environments, which begin in such a state?
-    pub(crate) fn check(&self, more: usize, state: &Snapshot) -> Result<(), FollowError> {
+    pub(crate) fn check(&self, more: usize, state: &Snapshot) -> Result<(), TooManyFollowed> {
         let limit = MAX_LOG_BYTES / (MIN_SNAPSHOTS * state.memory());
         let logs = self.logs.load(Ordering::Relaxed);
-        if logs + more > limit { Err(FollowError::TooMany { limit }) } else { Ok(()) }
+        if logs + more > limit { Err(TooManyFollowed { limit }) } else { Ok(()) }
     }
 
     /// Bytes that one log may use. Relaxed: a log that sees an older number of logs is trimmed again when the

@@ -2,14 +2,14 @@
 
 use crate::autoreset::Autoreset;
 use crate::enemy_player::EnemyPlayer;
-use crate::environment::{Environment, JointAction};
 use crate::episode_log::{EpisodeLog, EpisodePart, FollowerId, LogMemory};
 use crate::fields::Field;
+use crate::joint_action::{JointAction, StepHook};
 use crate::lane_settings::LaneSpec;
 use crate::own_features::OwnFeatures;
 use crate::slot::Slot;
 use crate::stand_in::StandIn;
-use smaclite_engine::{Faction, Generator, RecordLayout, Scratch, Sizes, Snapshot, Step};
+use smaclite_engine::{Battle, Faction, Generator, RecordLayout, Scratch, Sizes, Snapshot, Step};
 use std::sync::Arc;
 
 /// What an accepted request wants of an environment.
@@ -48,9 +48,11 @@ pub(crate) fn words_per_actor(sizes: Sizes) -> usize {
     sizes.n_actions.max(sizes.enemies.map_or(0, |enemies| enemies.n_actions)).div_ceil(64)
 }
 
-/// An environment and its state as a member of a lane.
+/// A battle and its state as a member of a lane.
 pub(crate) struct HostedEnv {
-    pub(crate) env: Box<dyn Environment>,
+    pub(crate) battle: Battle,
+    /// What a step does instead, in tests and benchmarks.
+    hook: Option<StepHook>,
     /// As its learner sees it.
     sizes: Sizes,
     /// Working memory of the report of its available actions, `[n_actors, words]`.
@@ -75,7 +77,7 @@ pub(crate) struct HostedEnv {
     enemies: Option<Box<EnemyPlayer>>,
 }
 
-/// A state of an environment that is a battle.
+/// A state of an environment.
 #[derive(Default)]
 pub(crate) struct State {
     snapshot: Snapshot,
@@ -84,51 +86,42 @@ pub(crate) struct State {
 }
 
 impl HostedEnv {
-    pub(crate) fn new(
-        mut env: Box<dyn Environment>,
-        spec: &LaneSpec,
-        record: Option<Arc<RecordLayout>>,
-    ) -> HostedEnv {
+    /// Environment `index` of a lane.
+    pub(crate) fn new(index: usize, spec: &LaneSpec, record: Option<Arc<RecordLayout>>) -> HostedEnv {
         let sizes = spec.sizes;
+        let mut battle = Battle::new(Arc::clone(&spec.arena), spec.settings.seed.wrapping_add(index as u64));
         let fields = spec.settings.frame_fields(sizes);
-        if let Some(battle) = env.battle_mut()
-            && (fields.contains(Field::RewardAgents) || fields.contains(Field::EnemyRewardAgents))
-        {
+        if fields.contains(Field::RewardAgents) || fields.contains(Field::EnemyRewardAgents) {
             battle.keep_shares();
         }
-        let available = vec![0; sizes.n_actors() * words_per_actor(sizes)];
-        let own = OwnFeatures::new(&spec.settings, env.sizes());
-        let enemies = spec.team.as_ref().map(|team| Box::new(EnemyPlayer::new(team, env.sizes())));
-        let alive = Vec::new();
         HostedEnv {
-            env,
+            hook: spec.hook.as_ref().and_then(|make| make(index)),
             sizes,
-            available,
-            alive,
+            available: vec![0; sizes.n_actors() * words_per_actor(sizes)],
+            alive: Vec::new(),
             is_over: false,
             log: None,
-            own,
+            own: OwnFeatures::new(&spec.settings, spec.arena.sizes()),
             record,
             staged: None,
             level: Vec::new(),
             stand_in: None,
-            enemies,
+            enemies: spec.team.as_ref().map(|team| Box::new(EnemyPlayer::new(team, spec.arena.sizes()))),
+            battle,
         }
     }
 
     /// The actions that are available to its actors, `[n_actors, words]`.
     pub(crate) fn available(&mut self) -> &[u64] {
-        match self.env.battle().filter(|_| self.sizes.enemies.is_some()) {
-            None => self.env.write_available_bits(&mut self.available),
-            // The rows of the two sides may differ in length.
-            Some(battle) => {
-                let mut rows = self.available.chunks_exact_mut(words_per_actor(self.sizes));
-                for side in [Faction::Ally, Faction::Enemy] {
-                    let words = self.sizes.of(side).map_or(1, |sizes| sizes.n_actions.div_ceil(64));
-                    for (bits, row) in battle.available_bits(side).chunks_exact(words).zip(&mut rows) {
-                        row[..words].copy_from_slice(bits);
-                    }
-                }
+        if self.sizes.enemies.is_none() {
+            return self.battle.available_bits(Faction::Ally);
+        }
+        // The rows of the two sides may differ in length.
+        let mut rows = self.available.chunks_exact_mut(words_per_actor(self.sizes));
+        for side in [Faction::Ally, Faction::Enemy] {
+            let words = self.sizes.of(side).map_or(1, |sizes| sizes.n_actions.div_ceil(64));
+            for (bits, row) in self.battle.available_bits(side).chunks_exact(words).zip(&mut rows) {
+                row[..words].copy_from_slice(bits);
             }
         }
         &self.available
@@ -152,26 +145,25 @@ impl HostedEnv {
                 None
             }
             Task::Step => {
-                if let (Some(stand_in), Some(battle)) = (&mut self.stand_in, self.env.battle()) {
-                    stand_in.act(battle, actions);
+                if let Some(stand_in) = &mut self.stand_in {
+                    stand_in.act(&self.battle, actions);
                 }
-                let actions = match (&mut self.enemies, self.env.battle()) {
-                    (Some(enemies), Some(battle)) => {
-                        enemies.join(battle, self.own.as_deref(), actions, scratch)
-                    }
-                    _ => actions,
+                let actions = match &mut self.enemies {
+                    Some(enemies) => enemies.join(&self.battle, self.own.as_deref(), actions, scratch),
+                    None => actions,
                 };
-                let step = self.env.step_checked(actions, scratch);
+                let step = match &mut self.hook {
+                    Some(hook) => hook(&mut self.battle, actions, scratch),
+                    None => self.battle.step_checked(actions.iter(), scratch),
+                };
                 self.is_over = step.terminated || step.truncated;
                 if let Some(own) = &mut self.own {
                     own.step(actions);
                 }
                 if let Some(log) = &mut self.log {
                     log.step(actions.iter(), self.is_over);
-                    if log.is_full()
-                        && let Some(battle) = self.env.battle()
-                    {
-                        log.begin_again(battle.save());
+                    if log.is_full() {
+                        log.begin_again(self.battle.save());
                     }
                 }
                 Some(step)
@@ -210,20 +202,18 @@ impl HostedEnv {
         }
         self.write_views(&PRESENT, slot, scratch);
         if let Some(alive) = slot.row(Field::Alive) {
-            self.env.write_alive(alive);
+            self.battle.write_alive(alive);
         }
-        if let (Some(_), Some(battle)) = (self.sizes.enemies, self.env.battle())
-            && let Some(alive) = slot.row(Field::EnemyAlive)
-        {
-            battle.write_alive_of(Faction::Enemy, alive);
+        if let Some(alive) = slot.row(Field::EnemyAlive) {
+            self.battle.write_alive_of(Faction::Enemy, alive);
         }
-        if let (Some(layout), Some(battle)) = (&self.record, self.env.battle())
+        if let Some(layout) = &self.record
             && let Some(out) = slot.row(Field::Snapshot)
         {
-            battle.write_record(layout, self.past_actions(), out);
+            self.battle.write_record(layout, self.past_actions(), out);
         }
-        if let (Some(out), Some(battle)) = (slot.row(Field::Level), self.env.battle()) {
-            battle.write_level(out);
+        if let Some(out) = slot.row(Field::Level) {
+            self.battle.write_level(out);
         }
     }
 
@@ -236,7 +226,7 @@ impl HostedEnv {
     }
 
     fn reset(&mut self) {
-        self.env.reset();
+        self.battle.reset();
         self.begin_episode();
     }
 
@@ -244,16 +234,13 @@ impl HostedEnv {
     pub(crate) fn stage_level(&mut self, level: impl Iterator<Item = f32>) -> Result<(), String> {
         self.level.clear();
         self.level.extend(level);
-        let battle = self.env.battle().ok_or_else(|| "it is no battle".to_owned())?;
-        battle.arena().check_level(&self.level).map_err(|error| error.to_string())
+        self.battle.arena().check_level(&self.level).map_err(|error| error.to_string())
     }
 
     /// Begins with the level that waits.
     fn reset_to(&mut self) {
-        if let Some(battle) = self.env.battle_mut() {
-            battle.reset_to_checked(&self.level);
-            self.begin_episode();
-        }
+        self.battle.reset_to_checked(&self.level);
+        self.begin_episode();
     }
 
     fn begin_episode(&mut self) {
@@ -271,13 +258,11 @@ impl HostedEnv {
         self.own.as_ref().map_or(&[], |own| own.past_actions())
     }
 
-    /// Writes its state to `state`; `false` if it is no battle.
-    pub(crate) fn save_into(&self, state: &mut State) -> bool {
-        let Some(battle) = self.env.battle() else { return false };
-        battle.save_into(&mut state.snapshot);
+    /// Writes its state to `state`.
+    pub(crate) fn save_into(&self, state: &mut State) {
+        self.battle.save_into(&mut state.snapshot);
         state.past_actions.clear();
         state.past_actions.extend_from_slice(self.past_actions());
-        true
     }
 
     /// From now on this plays a side; or no more.
@@ -299,11 +284,9 @@ impl HostedEnv {
 
     /// Reads the state that it takes at the next [`Task::Restore`]; the reason if it cannot have that state.
     pub(crate) fn stage(&mut self, record: &[u8], autoreset: Autoreset) -> Result<(), String> {
-        let (Some(battle), Some(layout)) = (self.env.battle(), &self.record) else {
-            return Err("it is no battle".to_owned());
-        };
+        let layout = self.record.as_ref().expect("the lane refuses snapshots where frames have none");
         let State { snapshot, past_actions } = &mut **self.staged.get_or_insert_default();
-        let arena = battle.arena();
+        let arena = self.battle.arena();
         let read = snapshot.read_record(arena, layout.sizes().n_past, record, past_actions);
         read.map_err(|error| error.to_string())?;
         if autoreset == Autoreset::SameStep && snapshot.is_over(arena) {
@@ -316,9 +299,9 @@ impl HostedEnv {
 
     /// Takes the state that waits.
     fn restore(&mut self) {
-        let (Some(state), Some(battle)) = (&self.staged, self.env.battle_mut()) else { return };
-        battle.restore_checked(&state.snapshot);
-        self.is_over = battle.is_over();
+        let Some(state) = &self.staged else { return };
+        self.battle.restore_checked(&state.snapshot);
+        self.is_over = self.battle.is_over();
         if let Some(own) = &mut self.own {
             own.set_past_actions(&state.past_actions);
         }
@@ -329,22 +312,16 @@ impl HostedEnv {
 
     /// Begins a new episode of the log with the present state.
     fn begin_log(&mut self) {
-        if let (Some(log), Some(battle)) = (&mut self.log, self.env.battle()) {
-            log.begin(battle.save());
+        if let Some(log) = &mut self.log {
+            log.begin(self.battle.save());
         }
     }
 
-    /// Adds a follower; with the first one the log begins. An environment that is no battle has no log.
+    /// Adds a follower; with the first one the log begins.
     pub(crate) fn follow(&mut self, follower: FollowerId, memory: &LogMemory) {
-        if self.log.is_none()
-            && let Some(battle) = self.env.battle()
-        {
-            let n_actors = self.env.sizes().n_actors(); // of both sides, if a team plays one
-            self.log = Some(Box::new(EpisodeLog::new(n_actors, battle.save(), memory.clone())));
-        }
-        if let Some(log) = &mut self.log {
-            log.add_reader(follower);
-        }
+        let n_actors = self.battle.arena().sizes().n_actors(); // of both sides, if a team plays one
+        let begin = || Box::new(EpisodeLog::new(n_actors, self.battle.save(), memory.clone()));
+        self.log.get_or_insert_with(begin).add_reader(follower);
     }
 
     /// Removes a follower; with the last one the log ends.
@@ -374,11 +351,11 @@ impl HostedEnv {
         slot.set(Field::Terminated, u8::from(step.terminated));
         slot.set(Field::Truncated, u8::from(step.truncated));
         slot.set(Field::BattleWon, u8::from(step.battle_won));
-        slot.set(Field::DeadAllies, self.env.dead_allies() as i32);
-        slot.set(Field::DeadEnemies, self.env.dead_enemies() as i32);
-        slot.set(Field::EpisodeReturn, self.env.episode_return() as f32);
-        slot.set(Field::EpisodeLength, self.env.episode_length() as i32);
-        slot.set(Field::Opponent, self.env.opponent() as i32);
+        slot.set(Field::DeadAllies, self.battle.dead_allies() as i32);
+        slot.set(Field::DeadEnemies, self.battle.dead_enemies() as i32);
+        slot.set(Field::EpisodeReturn, self.battle.episode_return() as f32);
+        slot.set(Field::EpisodeLength, self.battle.episode_length() as i32);
+        slot.set(Field::Opponent, self.battle.opponent().index() as i32);
     }
 
     /// The shares of single units in the rewards of a step.
@@ -386,11 +363,9 @@ impl HostedEnv {
         let sides = [(Faction::Ally, Field::RewardAgents), (Faction::Enemy, Field::EnemyRewardAgents)];
         for (side, field) in sides {
             let Some(out) = slot.row::<f32>(field) else { continue };
-            match (step, self.env.battle()) {
-                (None, _) => out.fill(0.0),
-                (Some(_), Some(battle)) => battle.write_shares_of(side, out),
-                // Nothing is known of who earned it.
-                (Some(step), None) => out.fill((step.reward / out.len() as f64) as f32),
+            match step {
+                None => out.fill(0.0),
+                Some(_) => self.battle.write_shares_of(side, out),
             }
         }
     }
@@ -398,32 +373,31 @@ impl HostedEnv {
     fn write_views(&mut self, fields: &ViewFields, slot: &mut Slot<'_>, scratch: &mut Scratch) {
         let [obs, state, avail] = fields.allies;
         if let Some(out) = slot.row(obs) {
-            self.env.write_obs(out, scratch);
+            self.battle.write_obs(out, scratch);
             if let Some(own) = &self.own {
                 self.alive.resize(self.sizes.n_agents, 0);
-                self.env.write_alive(&mut self.alive);
+                self.battle.write_alive(&mut self.alive);
                 own.write(own.appended, Faction::Ally, &self.alive, out);
             }
         }
         if let Some(out) = slot.row(state) {
-            self.env.write_state(out);
+            self.battle.write_state(out);
         }
         if let Some(out) = slot.row(avail) {
-            self.env.write_avail_actions(out);
+            self.battle.write_avail_actions(out);
         }
         if self.sizes.enemies.is_some() {
             self.write_enemy_view(fields.enemies, slot, scratch);
         }
     }
 
-    /// Only battles have a second side.
     fn write_enemy_view(
         &mut self,
         [obs, state, avail]: [Field; 3],
         slot: &mut Slot<'_>,
         scratch: &mut Scratch,
     ) {
-        let Some(battle) = self.env.battle() else { return };
+        let battle = &self.battle;
         if let Some(out) = slot.row(obs) {
             battle.write_obs_of(Faction::Enemy, out, scratch);
             if let Some(own) = &self.own {

@@ -2,11 +2,12 @@
 
 use crate::autoreset::Autoreset;
 use crate::enemy_team::EnemyTeam;
-use crate::environment::MakeEnvironment;
 use crate::fields::{Field, FieldSet};
+use crate::joint_action::MakeHook;
 use crate::layout::Layout;
 use serde::{Deserialize, Serialize};
-use smaclite_engine::{EnemySizes, RecordLayout, RecordSizes, Sizes};
+use smaclite_engine::{Arena, EnemySizes, RecordLayout, RecordSizes, Sizes};
+use std::sync::Arc;
 
 /// The most environments that a lane can have. Ids travel as i32, and a frame must fit into memory.
 pub const MAX_ENVS: usize = 1_000_000;
@@ -133,14 +134,16 @@ impl LaneSettings {
 pub struct LaneSpec {
     /// The name learners attach by.
     pub name: String,
-    /// Sizes of every environment, as its learner sees them: without a second side that a team plays.
+    /// Sizes of every environment as its learner sees them: without a second side that a team plays.
     pub sizes: Sizes,
     /// Number of environments, batches, seed, autoreset, fields, and what is appended to observations.
     pub settings: LaneSettings,
-    /// Makes environment `i`.
-    pub make: MakeEnvironment,
+    /// What the battles of all environments share.
+    pub arena: Arc<Arena>,
     /// What plays the enemies, if that is a team.
     pub team: Option<EnemyTeam>,
+    /// For tests and benchmarks: what environments do in place of a battle's step.
+    pub hook: Option<MakeHook>,
 }
 
 impl LaneSpec {

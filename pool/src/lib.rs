@@ -1,5 +1,6 @@
 //! Many battles: lanes of environments, worker threads, batches. What lives here works on plain memory
-//! through the [`transport`] traits and knows nothing of iceoryx2 or of the rules of a battle.
+//! through the [`transport`] traits and knows nothing of iceoryx2, and of battles only how to
+//! step, observe, save and restore them.
 //!
 //! The path of a batch: a thread receives a [request](transport::Request) from a lane's inlet, accepts all of
 //! it or nothing, and publishes its environments as work. Threads take chunks of them, step them and write
@@ -10,7 +11,6 @@
 
 pub mod enemy_team;
 pub mod env_ids;
-pub mod environment;
 pub mod fields;
 pub mod layout;
 pub mod rejection;
@@ -24,6 +24,7 @@ mod enemy_player;
 mod episode_log;
 mod frames;
 mod hosted_env;
+mod joint_action;
 #[allow(unsafe_code)]
 mod lane;
 mod lane_settings;
@@ -36,7 +37,8 @@ mod wait_strategy;
 mod work;
 
 pub use autoreset::{Autoreset, UnknownAutoreset};
-pub use episode_log::{EpisodePart, FollowError, FollowerId, MAX_LOG_BYTES};
+pub use episode_log::{EpisodePart, FollowerId, MAX_LOG_BYTES, TooManyFollowed};
+pub use joint_action::{JointAction, MakeHook, StepHook};
 pub use lane::{Lane, LaneStats};
 pub use lane_settings::{LaneSettings, LaneSettingsError, LaneSpec, MAX_ENVS, MAX_LAST_ACTIONS};
 pub use pool_options::PoolOptions;

@@ -5,7 +5,7 @@
 //! `n_actions`, the newest first, and the number as a one-hot vector of `n_agents`. Actions from before the
 //! episode are zeros, and so is the whole row of a dead agent.
 
-use crate::environment::JointAction;
+use crate::joint_action::JointAction;
 use crate::lane_settings::LaneSettings;
 use smaclite_engine::{Faction, Sizes};
 

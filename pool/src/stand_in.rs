@@ -1,6 +1,6 @@
 //! Who plays a side of a battle whose learner left: a scripted policy, which sees what that learner saw.
 
-use crate::environment::JointAction;
+use crate::joint_action::JointAction;
 use smaclite_engine::policy::{LearnerView, Scripted, Tactic};
 use smaclite_engine::{Battle, Faction};
 

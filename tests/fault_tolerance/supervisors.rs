@@ -57,7 +57,7 @@ fn learners_of_a_killed_supervisor_get_an_error_and_keep_the_batches_they_hold()
 fn a_start_can_be_interrupted_while_memory_is_reserved() {
     let dir = TestDir::new();
     let plan = PoolPlan::new([LanePlan::new("27m_vs_30m", 100)]); // some 80 MB
-    let prepared = plan.config(dir.runtime_dir()).prepare().expect("a valid plan");
+    let prepared = plan.prepare(dir.runtime_dir()).expect("a valid plan");
     let mut checks = 0;
     let interrupted = Supervisor::start_prepared(prepared, &mut || {
         checks += 1;

@@ -56,7 +56,10 @@ impl Episodes {
                 self.is_awaited[*env as usize] = true;
                 self.reference.reset(*env, None);
             }
-            self.learner.send_reset(None, &ended);
+            match ended.len() == self.plan.num_envs {
+                true => self.learner.send_reset_all(None), // begins an epoch
+                false => self.learner.send_reset(None, &ended),
+            }
             if self.is_synchronous() {
                 // The batch also has the others, unchanged; all are stepped next time.
                 for row in &going {

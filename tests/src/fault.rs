@@ -1,8 +1,7 @@
 //! Environments that panic, sleep or wait at a given point.
 
 use serde::{Deserialize, Serialize};
-use smaclite_engine::{Scratch, Sizes, Step};
-use smaclite_pool::environment::{Environment, JointAction};
+use smaclite_pool::StepHook;
 use std::sync::{Arc, Condvar, Mutex};
 use std::time::Duration;
 
@@ -59,73 +58,22 @@ impl Gate {
     }
 }
 
-/// Environment `index` of a lane, with a fault; everything else is forwarded.
-pub struct FaultyEnv {
-    env: Box<dyn Environment>,
-    index: usize,
-    fault: Fault,
-    steps: u64,
-}
-
-impl FaultyEnv {
-    /// Adds the fault to environment `index`.
-    pub fn new(env: Box<dyn Environment>, index: usize, fault: Fault) -> FaultyEnv {
-        FaultyEnv { env, index, fault, steps: 0 }
-    }
-}
-
-impl Environment for FaultyEnv {
-    fn step_checked(&mut self, actions: JointAction<'_>, scratch: &mut Scratch) -> Step {
-        self.steps += 1;
-        match &self.fault {
-            Fault::PanicInStep(step) if *step == self.steps => {
-                panic!("environment {} broke in step {step}", self.index)
+impl Fault {
+    /// What environment `index` does in place of a battle's step: the fault, and then the step.
+    pub fn hook(self, index: usize) -> StepHook {
+        let mut steps = 0;
+        Box::new(move |battle, actions, scratch| {
+            steps += 1;
+            match &self {
+                Fault::PanicInStep(step) if *step == steps => {
+                    panic!("environment {index} broke in step {step}")
+                }
+                Fault::PanicInStep(_) => {}
+                Fault::Sleep(time) => std::thread::sleep(*time),
+                Fault::Gate(gate) => gate.pass(),
+                Fault::Log(log, character) => log.lock().unwrap().push(*character),
             }
-            Fault::PanicInStep(_) => {}
-            Fault::Sleep(time) => std::thread::sleep(*time),
-            Fault::Gate(gate) => gate.pass(),
-            Fault::Log(log, character) => log.lock().unwrap().push(*character),
-        }
-        self.env.step_checked(actions, scratch)
-    }
-
-    fn sizes(&self) -> Sizes {
-        self.env.sizes()
-    }
-    fn reseed(&mut self, seed: u64) {
-        self.env.reseed(seed);
-    }
-    fn reset(&mut self) {
-        self.env.reset();
-    }
-    fn write_obs(&self, out: &mut [f32], scratch: &mut Scratch) {
-        self.env.write_obs(out, scratch);
-    }
-    fn write_state(&self, out: &mut [f32]) {
-        self.env.write_state(out);
-    }
-    fn write_avail_actions(&self, out: &mut [u8]) {
-        self.env.write_avail_actions(out);
-    }
-    fn write_available_bits(&self, out: &mut [u64]) {
-        self.env.write_available_bits(out);
-    }
-    fn write_alive(&self, out: &mut [u8]) {
-        self.env.write_alive(out);
-    }
-    fn dead_allies(&self) -> usize {
-        self.env.dead_allies()
-    }
-    fn dead_enemies(&self) -> usize {
-        self.env.dead_enemies()
-    }
-    fn episode_return(&self) -> f64 {
-        self.env.episode_return()
-    }
-    fn episode_length(&self) -> u32 {
-        self.env.episode_length()
-    }
-    fn opponent(&self) -> usize {
-        self.env.opponent()
+            battle.step_checked(actions.iter(), scratch)
+        })
     }
 }

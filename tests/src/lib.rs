@@ -5,8 +5,7 @@
 //! format); [`compare`] compares them with the engine's battles.
 //!
 //! For pools: [`LanePlan`] and [`PoolPlan`] describe lanes and pools. [`Reference`] computes every [`Row`] of
-//! every frame that a lane must produce. [`fault`] makes an environment fail, sleep or wait; [`toy_env`] is a
-//! small environment for tests that need no battle.
+//! every frame that a lane must produce. [`fault`] makes an environment fail, sleep or wait.
 //! - In one process: [`in_memory`] is a transport of channels and vectors.
 //! - With real processes: a [`Child`] is the running program itself, started again with one of the [`roles`],
 //!   and the parent sends it commands as lines of text. Every test has a [`TestDir`], so that tests do not
@@ -35,7 +34,6 @@ pub mod roles;
 pub mod row;
 pub mod skip;
 pub mod test_dir;
-pub mod toy_env;
 pub mod waiting;
 
 pub use learner::Learner;

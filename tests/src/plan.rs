@@ -1,15 +1,25 @@
 //! Lanes and pools as plain data: a test writes them down, and a child process reads them from its command.
 
-use crate::fault::{Fault, FaultyEnv};
-use crate::toy_env::{SIZES, TOY, ToyEnv};
+use crate::fault::Fault;
 use serde::{Deserialize, Serialize};
-use smaclite_engine::{Arena, Battle, BattleSetup, EnemySide, Opponent, Opponents, Sides, Sizes};
-use smaclite_ipc::{LaneConfig, LaneEnvs, RuntimeDir, SupervisorConfig, WaitStrategy};
-use smaclite_pool::environment::MakeEnvironment;
+use smaclite_engine::{Arena, Battle, BattleSetup, EnemySide, Opponent, Opponents, Sides};
+use smaclite_ipc::{LaneConfig, PreparedPool, RuntimeDir, StartError, SupervisorConfig, WaitStrategy};
 use smaclite_pool::fields::FieldSet;
-use smaclite_pool::{Autoreset, LaneSettings, LaneSpec, PoolOptions};
+use smaclite_pool::{Autoreset, LaneSettings, LaneSpec, MakeHook, PoolOptions};
 use smaclite_scenarios::ScenarioFiles;
 use std::sync::Arc;
+
+/// The scenario of [`LanePlan::toy`]: two banelings or zerglings on each side, drawn for every episode. A random
+/// battle takes 1 to 15 steps.
+const TOY: &str = "toy";
+const TOY_TEXT: &str = r#"{
+    "name": "toy", "num_allied_units": 2, "num_enemy_units": 2,
+    "teams": { "distribution": "weighted_teams", "unit_types": ["BANELING", "ZERGLING"], "weights": [0.5, 0.5] },
+    "start_positions": { "distribution": "surrounded_and_reflect", "p": 0.5 },
+    "opponent": "attack_nearest",
+    "terrain_preset": "FLAT", "num_unit_types": 2, "unit_type_ids": { "BANELING": 0, "ZERGLING": 1 },
+    "ally_has_shields": false, "enemy_has_shields": false, "episode_limit": 15
+}"#;
 
 /// A pool.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -27,7 +37,7 @@ pub struct PoolPlan {
 pub struct LanePlan {
     /// Its name.
     pub name: String,
-    /// A standard scenario, or [`TOY`].
+    /// A standard scenario, or `toy`.
     pub scenario: String,
     /// Environments.
     pub num_envs: usize,
@@ -73,11 +83,23 @@ impl PoolPlan {
         format!("supervisor {}", serde_json::to_string(self).expect("plain data"))
     }
 
-    /// The configuration of its supervisor.
+    /// The configuration of its supervisor, without faults.
     pub fn config(&self, runtime_dir: &RuntimeDir) -> SupervisorConfig {
         let options = PoolOptions { threads: self.threads, wait: WaitStrategy::default() };
         let lanes = self.lanes.iter().map(LanePlan::config).collect();
         SupervisorConfig { name: self.name.clone(), lanes, options, runtime_dir: runtime_dir.clone() }
+    }
+
+    /// The prepared pool, with the faults of its lanes.
+    ///
+    /// # Errors
+    /// As [`SupervisorConfig::prepare`].
+    pub fn prepare(&self, runtime_dir: &RuntimeDir) -> Result<PreparedPool, StartError> {
+        let mut pool = self.config(runtime_dir).prepare()?;
+        for (index, lane) in self.lanes.iter().enumerate() {
+            lane.hook().into_iter().for_each(|hook| pool.hook_steps(index, hook));
+        }
+        Ok(pool)
     }
 }
 
@@ -103,9 +125,14 @@ impl LanePlan {
         }
     }
 
-    /// A synchronous lane of [`ToyEnv`]s.
+    /// A synchronous lane of small, short battles. Seeds decide teams and start positions of every episode, so
+    /// an environment that was exchanged for another shows.
     pub fn toy(num_envs: usize) -> LanePlan {
-        LanePlan::new(TOY, num_envs)
+        LanePlan {
+            episode_limit: Some(15),
+            opponents: Opponent::AttackNearest.into(),
+            ..LanePlan::new(TOY, num_envs)
+        }
     }
 
     /// The same lane with joint actions that play both sides, and no script.
@@ -124,34 +151,26 @@ impl LanePlan {
         format!("learner {}", serde_json::to_string(self).expect("plain data"))
     }
 
-    /// Makes the lane's environments, with their faults.
-    pub fn make(&self) -> MakeEnvironment {
-        let (make, faults) = (self.make_without_faults(), self.faults.clone());
-        Box::new(move |env| match faults.iter().find(|(faulty, _)| *faulty == env) {
-            Some((_, fault)) => Box::new(FaultyEnv::new(make(env), env, fault.clone())),
-            None => make(env),
-        })
+    /// The environments as they are without their faults.
+    pub fn battles(&self) -> impl Iterator<Item = Battle> {
+        let arena = self.arena();
+        (0..self.num_envs as u64).map(move |env| Battle::new(Arc::clone(&arena), self.seed + env))
     }
 
-    /// Makes the lane's environments as they are without faults.
-    pub fn make_without_faults(&self) -> MakeEnvironment {
-        let seed = self.seed;
-        if self.scenario == TOY {
-            return Box::new(move |env| Box::new(ToyEnv::new(seed + env as u64)));
-        }
-        let arena = self.arena();
-        Box::new(move |env| Box::new(Battle::new(Arc::clone(&arena), seed + env as u64)))
+    /// The faults.
+    fn hook(&self) -> Option<MakeHook> {
+        let faults = self.faults.clone();
+        let fault_of =
+            move |env| faults.iter().find(|(faulty, _)| *faulty == env).map(|(_, fault)| fault.clone());
+        let hook: MakeHook = Box::new(move |env| fault_of(env).map(|fault| fault.hook(env)));
+        (!self.faults.is_empty()).then_some(hook)
     }
 
     /// The lane for a pool without a supervisor.
     pub fn spec(&self) -> LaneSpec {
-        LaneSpec {
-            name: self.name.clone(),
-            sizes: self.sizes(),
-            settings: self.settings(),
-            make: self.make(),
-            team: None,
-        }
+        let arena = self.arena();
+        let (name, sizes, settings) = (self.name.clone(), arena.sizes(), self.settings());
+        LaneSpec { name, sizes, settings, arena, team: None, hook: self.hook() }
     }
 
     fn settings(&self) -> LaneSettings {
@@ -163,24 +182,12 @@ impl LanePlan {
     fn config(&self) -> LaneConfig {
         LaneConfig {
             name: self.name.clone(),
-            envs: self.envs(),
+            setup: self.setup(),
+            team: None,
             settings: self.settings(),
             max_held_batches: self.max_held_batches,
             spectators: self.spectators,
         }
-    }
-
-    /// Battles as a user's lane has them, unless an environment has a fault.
-    fn envs(&self) -> LaneEnvs {
-        if self.faults.is_empty() {
-            LaneEnvs::Battle { setup: self.setup(), team: None }
-        } else {
-            LaneEnvs::Other { name: self.scenario.clone(), sizes: self.sizes(), make: self.make() }
-        }
-    }
-
-    fn sizes(&self) -> Sizes {
-        if self.scenario == TOY { SIZES } else { self.arena().sizes() }
     }
 
     fn arena(&self) -> Arc<Arena> {
@@ -188,7 +195,10 @@ impl LanePlan {
     }
 
     fn setup(&self) -> BattleSetup {
-        let (_, files) = ScenarioFiles::resolve(&self.scenario).expect("a standard scenario");
+        let files = match self.scenario.as_str() {
+            TOY => ScenarioFiles { source: TOY.into(), text: TOY_TEXT.into(), unit_files: Vec::new() },
+            standard => ScenarioFiles::resolve(standard).expect("a standard scenario").1,
+        };
         let (episode_limit, opponents) = (self.episode_limit.into(), self.opponents.clone());
         BattleSetup { episode_limit, opponents, sides: self.sides, ..BattleSetup::new(files) }
     }

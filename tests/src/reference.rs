@@ -3,13 +3,11 @@
 
 use crate::own_features::OwnFeatures;
 use crate::{LanePlan, Row};
-use smaclite_engine::{Scratch, Snapshot};
+use smaclite_engine::{Battle, Scratch, Snapshot};
 use smaclite_ipc::Batch;
 use smaclite_pool::Autoreset;
-use smaclite_pool::environment::{Environment, JointAction};
-use std::sync::atomic::AtomicI32;
 
-/// The state of an environment that is a battle.
+/// The state of an environment.
 #[derive(Clone)]
 pub struct SavedEnv {
     snapshot: Snapshot,
@@ -28,7 +26,7 @@ pub struct Reference {
 }
 
 struct ReferenceEnv {
-    env: Box<dyn Environment>,
+    battle: Battle,
     own: OwnFeatures,
     is_over: bool,
     steps: u64,
@@ -38,17 +36,14 @@ struct ReferenceEnv {
 impl Reference {
     /// The lane's environments at the start of a session, before their first reset.
     pub fn new(plan: &LanePlan) -> Reference {
-        let make = plan.make_without_faults();
         let mut scratch = Scratch::new();
-        let mut env = |index: usize| {
-            let (mut env, own) = (make(index), OwnFeatures::new(plan));
-            if let Some(battle) = env.battle_mut() {
-                battle.keep_shares();
-            }
-            let row = Row::of(&*env, index, None, &own, &mut scratch);
-            ReferenceEnv { env, own, is_over: false, steps: 0, row }
+        let env = |(index, mut battle): (usize, Battle)| {
+            let own = OwnFeatures::new(plan);
+            battle.keep_shares();
+            let row = Row::of(&battle, index, None, &own, &mut scratch);
+            ReferenceEnv { battle, own, is_over: false, steps: 0, row }
         };
-        let envs = (0..plan.num_envs).map(&mut env).collect();
+        let envs = plan.battles().enumerate().map(env).collect();
         Reference { envs, autoreset: plan.autoreset, seed: plan.seed, was_reset: false, scratch }
     }
 
@@ -67,9 +62,9 @@ impl Reference {
     pub fn reset(&mut self, env: i32, seed: Option<u64>) -> &Row {
         let state = &mut self.envs[env as usize];
         if let Some(seed) = seed {
-            state.env.reseed(seed.wrapping_add(env as u64));
+            state.battle.reseed(seed.wrapping_add(env as u64));
         }
-        state.env.reset();
+        state.battle.reset();
         state.own.reset();
         state.is_over = false;
         self.observe(env)
@@ -78,17 +73,14 @@ impl Reference {
     /// The row of an environment when others are reset in synchronous mode: unchanged, but not of a step.
     pub fn observe(&mut self, env: i32) -> &Row {
         let state = &mut self.envs[env as usize];
-        state.row = Row::of(&*state.env, env as usize, None, &state.own, &mut self.scratch);
+        state.row = Row::of(&state.battle, env as usize, None, &state.own, &mut self.scratch);
         &state.row
     }
 
     /// The state of an environment.
-    ///
-    /// # Panics
-    /// If it is no battle.
     pub fn save(&self, env: i32) -> SavedEnv {
         let state = &self.envs[env as usize];
-        let snapshot = state.env.battle().expect("a battle").save();
+        let snapshot = state.battle.save();
         SavedEnv { snapshot, own: state.own.clone(), is_over: state.is_over }
     }
 
@@ -98,9 +90,9 @@ impl Reference {
     /// If the state is of another scenario.
     pub fn restore(&mut self, env: i32, saved: &SavedEnv, seed: Option<u64>) -> &Row {
         let state = &mut self.envs[env as usize];
-        state.env.battle_mut().expect("a battle").restore(&saved.snapshot).expect("of this scenario");
+        state.battle.restore(&saved.snapshot).expect("of this scenario");
         if let Some(seed) = seed {
-            state.env.reseed(seed.wrapping_add(env as u64));
+            state.battle.reseed(seed.wrapping_add(env as u64));
         }
         (state.own, state.is_over) = (saved.own.clone(), saved.is_over);
         self.observe(env)
@@ -116,19 +108,15 @@ impl Reference {
             return self.reset(env, None);
         }
         let state = &mut self.envs[env as usize];
-        if let Some(battle) = state.env.battle() {
-            assert_eq!(battle.check(actions), Ok(()));
-        }
-        let memory: Vec<_> = actions.iter().map(|action| AtomicI32::new(*action)).collect();
-        let step = state.env.step_checked(JointAction::new(&memory), &mut self.scratch);
+        let step = state.battle.step(actions, &mut self.scratch).expect("available actions");
         state.is_over = step.terminated || step.truncated;
         state.own.step(actions);
-        state.row = Row::of(&*state.env, env as usize, Some(step), &state.own, &mut self.scratch);
+        state.row = Row::of(&state.battle, env as usize, Some(step), &state.own, &mut self.scratch);
         if state.is_over && self.autoreset == Autoreset::SameStep {
-            state.env.reset();
+            state.battle.reset();
             state.own.reset();
             state.is_over = false;
-            state.row.append_reset(&*state.env, &state.own, &mut self.scratch);
+            state.row.append_reset(&state.battle, &state.own, &mut self.scratch);
         }
         &state.row
     }

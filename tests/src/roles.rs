@@ -47,7 +47,10 @@ fn runtime_dir() -> Result<RuntimeDir, ConnectError> {
 fn supervisor(plan: &str) -> i32 {
     let plan: PoolPlan = serde_json::from_str(plan).expect("a plan");
     let runtime_dir = RuntimeDir::for_current_user().map_err(|e| e.to_string());
-    let start = |dir: RuntimeDir| Supervisor::start(plan.config(&dir)).map_err(|e| e.to_string());
+    let start = |dir: RuntimeDir| {
+        let prepared = plan.prepare(&dir).map_err(|e| e.to_string())?;
+        Supervisor::start_prepared(prepared, &mut || false).map_err(|e| e.to_string())
+    };
     let supervisor = match runtime_dir.and_then(start) {
         Ok(supervisor) => supervisor,
         Err(error) => {

@@ -1,11 +1,10 @@
 //! One slot of a frame: what one environment wrote.
 
 use crate::own_features::OwnFeatures;
-use crate::toy_env::hash;
 use smaclite_engine::{Battle, Faction, RecordLayout, RecordSizes, Scratch, Sizes, Step};
-use smaclite_pool::environment::Environment;
 use smaclite_pool::fields::{Dtype, FIELDS, Field};
 use smaclite_pool::layout::Layout;
+use std::hash::{DefaultHasher, Hash, Hasher};
 
 /// The values of a slot as bytes, by field. A field that the lane leaves out is `None`, and so is what a
 /// reference cannot know: the `final_*` fields of an episode that has not ended.
@@ -28,13 +27,13 @@ impl Row {
 
     /// What environment `index` must write as it is now; `step` is the step just made, if any.
     pub(crate) fn of(
-        env: &dyn Environment,
+        battle: &Battle,
         index: usize,
         step: Option<Step>,
         own: &OwnFeatures,
         scratch: &mut Scratch,
     ) -> Row {
-        let mut row = Row { values: vec![None; FIELDS.len()], sizes: env.sizes() };
+        let mut row = Row { values: vec![None; FIELDS.len()], sizes: battle.arena().sizes() };
         let flag = |is_set: fn(&Step) -> bool| vec![u8::from(step.as_ref().is_some_and(is_set))];
         row.set(Field::EnvId, int(index));
         row.set(Field::WasReset, vec![u8::from(step.is_none())]);
@@ -42,16 +41,16 @@ impl Row {
         if row.sizes.enemies.is_some() {
             row.set(Field::EnemyReward, floats(&[step.as_ref().map_or(0.0, |s| s.enemy_reward as f32)]));
         }
-        row.set_shares(env, step);
+        row.set_shares(battle, step);
         row.set(Field::Terminated, flag(|s| s.terminated));
         row.set(Field::Truncated, flag(|s| s.truncated));
         row.set(Field::BattleWon, flag(|s| s.battle_won));
-        row.set(Field::DeadAllies, int(env.dead_allies()));
-        row.set(Field::DeadEnemies, int(env.dead_enemies()));
-        row.set(Field::EpisodeReturn, floats(&[env.episode_return() as f32]));
-        row.set(Field::EpisodeLength, int(env.episode_length() as usize));
-        row.set(Field::Opponent, int(env.opponent()));
-        row.set_view(env, own, scratch);
+        row.set(Field::DeadAllies, int(battle.dead_allies()));
+        row.set(Field::DeadEnemies, int(battle.dead_enemies()));
+        row.set(Field::EpisodeReturn, floats(&[battle.episode_return() as f32]));
+        row.set(Field::EpisodeLength, int(battle.episode_length() as usize));
+        row.set(Field::Opponent, int(battle.opponent().index()));
+        row.set_view(battle, own, scratch);
         row
     }
 
@@ -61,8 +60,8 @@ impl Row {
     }
 
     /// Turns the row of an episode's last step into that of same-step autoreset: the last observation, state
-    /// and mask move to the `final_*` fields, and those of `env`, which was reset, replace them.
-    pub(crate) fn append_reset(&mut self, env: &dyn Environment, own: &OwnFeatures, scratch: &mut Scratch) {
+    /// and mask move to the `final_*` fields, and those of `battle`, which was reset, replace them.
+    pub(crate) fn append_reset(&mut self, battle: &Battle, own: &OwnFeatures, scratch: &mut Scratch) {
         let finals = [
             (Field::Obs, Field::FinalObs),
             (Field::State, Field::FinalState),
@@ -72,7 +71,7 @@ impl Row {
             (Field::EnemyAvailActions, Field::FinalEnemyAvailActions),
         ];
         finals.into_iter().for_each(|(last, of)| self.values.swap(last as usize, of as usize));
-        self.set_view(env, own, scratch);
+        self.set_view(battle, own, scratch);
     }
 
     fn set(&mut self, field: Field, value: Vec<u8>) {
@@ -80,43 +79,40 @@ impl Row {
     }
 
     /// The shares of all units in the rewards of the step just made.
-    fn set_shares(&mut self, env: &dyn Environment, step: Option<Step>) {
+    fn set_shares(&mut self, battle: &Battle, step: Option<Step>) {
         let Sizes { n_agents, n_enemies, enemies, .. } = self.sizes;
-        let shares = |side: Faction, n_units: usize, reward: fn(Step) -> f64| {
-            let equal = step.map_or(0.0, |step| (reward(step) / n_units as f64) as f32);
-            let mut shares = vec![equal; n_units];
-            if let (Some(_), Some(battle)) = (step, env.battle()) {
+        let shares = |side: Faction, n_units: usize| {
+            let mut shares = vec![0.0; n_units];
+            if step.is_some() {
                 battle.write_shares_of(side, &mut shares);
             }
             floats(&shares)
         };
-        self.set(Field::RewardAgents, shares(Faction::Ally, n_agents, |step| step.reward));
+        self.set(Field::RewardAgents, shares(Faction::Ally, n_agents));
         if enemies.is_some() {
-            self.set(Field::EnemyRewardAgents, shares(Faction::Enemy, n_enemies, |step| step.enemy_reward));
+            self.set(Field::EnemyRewardAgents, shares(Faction::Enemy, n_enemies));
         }
     }
 
-    fn set_view(&mut self, env: &dyn Environment, own: &OwnFeatures, scratch: &mut Scratch) {
-        let Sizes { n_agents, n_actions, obs_size, state_size, .. } = env.sizes();
+    fn set_view(&mut self, battle: &Battle, own: &OwnFeatures, scratch: &mut Scratch) {
+        let Sizes { n_agents, n_actions, obs_size, state_size, .. } = battle.arena().sizes();
         let mut alive = vec![0; n_agents];
-        env.write_alive(&mut alive);
+        battle.write_alive(&mut alive);
         let mut obs = vec![0.0; n_agents * obs_size];
-        env.write_obs(&mut obs, scratch);
+        battle.write_obs(&mut obs, scratch);
         self.set(Field::Obs, floats(&own.append_to(&obs, &alive, n_actions, 0)));
         self.set(Field::Alive, alive);
         let mut out = vec![0.0; state_size];
-        env.write_state(&mut out);
+        battle.write_state(&mut out);
         self.set(Field::State, floats(&out));
         let mut out = vec![0; n_agents * n_actions];
-        env.write_avail_actions(&mut out);
+        battle.write_avail_actions(&mut out);
         self.set(Field::AvailActions, out);
-        if let Some(battle) = env.battle() {
-            let layout = RecordLayout::new(RecordSizes::new(&env.sizes(), own.n_past()));
-            let mut record = vec![0; layout.size()];
-            battle.write_record(&layout, &own.past_actions(), &mut record);
-            self.set(Field::Snapshot, record);
-            self.set_enemy_view(battle, own, scratch);
-        }
+        let layout = RecordLayout::new(RecordSizes::new(&battle.arena().sizes(), own.n_past()));
+        let mut record = vec![0; layout.size()];
+        battle.write_record(&layout, &own.past_actions(), &mut record);
+        self.set(Field::Snapshot, record);
+        self.set_enemy_view(battle, own, scratch);
     }
 
     fn set_enemy_view(&mut self, battle: &Battle, own: &OwnFeatures, scratch: &mut Scratch) {
@@ -193,6 +189,13 @@ impl Row {
             Some(format!("{}[{i}] is {found}, expected {expected}", spec.name))
         })
     }
+}
+
+/// The same number for the same value in every run of one build.
+fn hash(value: impl Hash) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    value.hash(&mut hasher);
+    hasher.finish()
 }
 
 fn int(value: usize) -> Vec<u8> {

@@ -38,7 +38,8 @@ impl TestDir {
     /// # Panics
     /// If it does not start.
     pub fn start(&self, plan: &PoolPlan) -> Supervisor {
-        Supervisor::start(plan.config(&self.runtime_dir)).expect("a pool")
+        let prepared = plan.prepare(&self.runtime_dir).expect("a valid plan");
+        Supervisor::start_prepared(prepared, &mut || false).expect("a pool")
     }
 
     /// Attaches a learner of this process to a lane of pool `train`.

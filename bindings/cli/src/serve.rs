@@ -10,7 +10,7 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 use smaclite_engine::{BattleSetup, EnemySide, EpisodeLimit, Rules, Sides};
 use smaclite_ipc::{
-    LaneConfig, LaneEnvs, RuntimeDir, StartError, Supervisor, SupervisorConfig, WaitStrategy, check_name,
+    LaneConfig, RuntimeDir, StartError, Supervisor, SupervisorConfig, WaitStrategy, check_name,
 };
 use smaclite_learn::LaneOpponents;
 use smaclite_pool::fields::FieldSet;
@@ -176,8 +176,7 @@ impl Serve {
             Some(opponents) => opponents.open(setup).map_err(|error| format!("lane `{text}`: {error}"))?,
             None => (setup, None),
         };
-        let mut lane = LaneConfig::new(name, setup.clone(), num_envs);
-        lane.envs = LaneEnvs::Battle { setup, team };
+        let mut lane = LaneConfig { team, ..LaneConfig::new(name, setup, num_envs) };
         lane.settings.batch_size = self.batch_size.unwrap_or(num_envs);
         lane.settings.autoreset = self.autoreset_mode;
         lane.settings.obs_last_actions = self.obs_last_actions;

@@ -181,8 +181,6 @@ pub enum ControlError {
     FollowedEnvs { given: usize, limit: usize },
     #[error("env_id must be below {num_envs}, the number of environments of lane `{lane}`, got {env_id}")]
     NoSuchEnv { lane: String, env_id: usize, num_envs: usize },
-    #[error("lane `{lane}` has no battles that can be seen: its environments are not those of a scenario")]
-    NoBattles { lane: String },
     #[error("there is no lane `{lane}`; the pool has {}", names(lanes))]
     NoSuchLane { lane: String, lanes: Vec<String> },
     #[error("the pool has several lanes; name one, by `lane=` or --lane: {}", names(lanes))]

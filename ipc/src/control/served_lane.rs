@@ -1,9 +1,10 @@
 //! A lane as the control thread sees it: who uses it, and its rates.
 
 use super::protocol::{LaneDescription, LaneStatus};
+use smaclite_engine::Faction;
 use smaclite_engine::policy::Tactic;
-use smaclite_engine::{BattleSetup, Faction};
 use smaclite_pool::LaneStats;
+use smaclite_scenarios::ScenarioFiles;
 use std::time::Instant;
 
 /// A learner of a lane, or of one side of it.
@@ -20,8 +21,8 @@ pub(super) struct AttachedLearner {
 /// A lane as the control thread sees it.
 pub(crate) struct ServedLane {
     pub(crate) description: LaneDescription,
-    /// What its battles are played with, if it has battles.
-    pub(super) setup: Option<BattleSetup>,
+    /// The scenario of its battles.
+    pub(super) files: ScenarioFiles,
     /// Its learner or those of its sides.
     pub(super) learners: Vec<AttachedLearner>,
     /// One of two learners left: the other must leave before a new session begins.
@@ -37,10 +38,10 @@ pub(crate) struct ServedLane {
 }
 
 impl ServedLane {
-    pub(crate) fn new(description: LaneDescription, setup: Option<BattleSetup>) -> Self {
+    pub(crate) fn new(description: LaneDescription, files: ScenarioFiles) -> Self {
         ServedLane {
             description,
-            setup,
+            files,
             learners: Vec::new(),
             is_session_over: false,
             spectators: 0,

@@ -6,42 +6,22 @@ use crate::control::protocol::LaneDescription;
 use crate::memory::{PORTS, check_room};
 use crate::name::check_name;
 use crate::runtime_dir::RuntimeDir;
-use smaclite_engine::{Battle, BattleSetup, Rewards, Sizes};
+use smaclite_engine::{Arena, BattleSetup, Sides, Sizes};
 use smaclite_pool::enemy_team::EnemyTeam;
-use smaclite_pool::environment::{Environment, MakeEnvironment};
-use smaclite_pool::fields::Field;
-use smaclite_pool::{LaneSettings, LaneSpec, PoolOptions};
-use smaclite_scenarios::{Problems, Scenario};
+use smaclite_pool::{LaneSettings, LaneSpec, MakeHook, PoolOptions};
+use smaclite_scenarios::{Problems, ScenarioFiles};
 use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
-
-/// The environments of a lane.
-pub enum LaneEnvs {
-    /// Battles of a scenario.
-    Battle {
-        /// What they are played with.
-        setup: BattleSetup,
-        /// The team that plays the enemies. Then the setup has
-        /// [mirrored sides](smaclite_engine::Sides::MIRRORED), and the lane's learner is that of the agents.
-        team: Option<EnemyTeam>,
-    },
-    /// Any other environment, for tests and benches.
-    Other {
-        /// Shown as the scenario's name.
-        name: String,
-        /// Sizes of every environment.
-        sizes: Sizes,
-        /// Makes environment `i`.
-        make: MakeEnvironment,
-    },
-}
 
 /// One lane of a pool.
 pub struct LaneConfig {
     /// The name learners attach by.
     pub name: String,
-    /// Its environments.
-    pub envs: LaneEnvs,
+    /// What its battles are played with.
+    pub setup: BattleSetup,
+    /// The team that plays the enemies. Then the setup has [mirrored sides](smaclite_engine::Sides::MIRRORED),
+    /// and the lane's learner is that of the agents.
+    pub team: Option<EnemyTeam>,
     /// How many there are, and how they are stepped.
     pub settings: LaneSettings,
     /// Batches that a learner may hold at once, 2 to 1024.
@@ -77,8 +57,7 @@ pub struct PreparedPool {
 pub(super) struct PreparedLane {
     pub(super) spec: LaneSpec,
     pub(super) description: LaneDescription,
-    /// What its battles are played with, if it has battles.
-    pub(super) setup: Option<BattleSetup>,
+    pub(super) files: ScenarioFiles,
 }
 
 /// What the descriptions of all lanes of a pool share.
@@ -91,23 +70,16 @@ struct PoolInfo<'a> {
     writers: usize,
 }
 
-/// Environments that are ready to be made, and how they are described.
-struct PreparedEnvs {
-    scenario: String,
-    episode_limit: Option<u32>,
-    sizes: Sizes,
-    make: MakeEnvironment,
-    setup: Option<BattleSetup>,
-    team: Option<EnemyTeam>,
-    rewards: Rewards,
-}
+/// The arenas of the pool's scenarios, which lanes of the same battles share.
+type Arenas = Vec<(BattleSetup, Arc<Arena>, String)>;
 
 impl LaneConfig {
     /// A synchronous lane of battles with every other setting at its default.
     pub fn new(name: impl Into<String>, setup: BattleSetup, num_envs: usize) -> LaneConfig {
         LaneConfig {
             name: name.into(),
-            envs: LaneEnvs::Battle { setup, team: None },
+            setup,
+            team: None,
             settings: LaneSettings::new(num_envs),
             max_held_batches: 4,
             spectators: 1,
@@ -117,9 +89,7 @@ impl LaneConfig {
     fn check(&self) -> Result<(), LaneConfigError> {
         check_name(&self.name)?;
         self.settings.check()?;
-        if let LaneEnvs::Battle { setup, .. } = &self.envs {
-            setup.opponents.check(setup.sides)?;
-        }
+        self.setup.opponents.check(self.setup.sides)?;
         if !(2..=1024).contains(&self.max_held_batches) {
             return Err(LaneConfigError::MaxHeldBatches(self.max_held_batches));
         }
@@ -130,16 +100,17 @@ impl LaneConfig {
     }
 
     /// Splits the configuration into what the pool builds and what learners receive.
-    fn prepare(self, pool: &PoolInfo<'_>) -> Result<PreparedLane, StartError> {
-        let PreparedEnvs { scenario, episode_limit, sizes, make, setup, team, rewards } =
-            self.envs.prepare(self.settings.seed).map_err(|source| in_lane(&self.name, source.into()))?;
+    fn prepare(self, pool: &PoolInfo<'_>, arenas: &mut Arenas) -> Result<PreparedLane, StartError> {
+        let (arena, scenario) =
+            arena_of(&self.setup, arenas).map_err(|source| in_lane(&self.name, source.into()))?;
+        let BattleSetup { files, rules, opponents, sides, .. } = self.setup;
+        // The learner of a lane with a team sees one side.
+        let enemies = arena.sizes().enemies.filter(|_| self.team.is_none());
+        let sides = if self.team.is_none() { sides } else { Sides::default() };
+        let sizes = Sizes { enemies, ..arena.sizes() };
         let fields = self.settings.frame_fields(sizes);
-        let team_last_actions = team.as_ref().map_or(0, |team| team.last_actions);
+        let team_last_actions = self.team.as_ref().map_or(0, |team| team.last_actions);
         let settings = LaneSettings { fields, team_last_actions, ..self.settings };
-        if setup.is_none() && settings.fields.contains(Field::Snapshot) {
-            return Err(in_lane(&self.name, LaneConfigError::NoSnapshots));
-        }
-        let sides = setup.as_ref().filter(|_| team.is_none()).map(|setup| setup.sides).unwrap_or_default();
         let description = LaneDescription {
             pool: pool.name.to_owned(),
             pid: std::process::id(),
@@ -148,41 +119,43 @@ impl LaneConfig {
             scenario,
             sizes: settings.frame_sizes(sizes),
             settings,
-            episode_limit,
-            rules: setup.as_ref().map_or(String::new(), |setup| setup.rules.to_string()),
-            opponents: setup.as_ref().map(|setup| setup.opponents.clone()).unwrap_or_default(),
-            opponent_team: team.as_ref().map(|team| team.name.clone()),
+            episode_limit: arena.episode_limit(),
+            rules: rules.to_string(),
+            opponents,
+            opponent_team: self.team.as_ref().map(|team| team.name.clone()),
             sides,
-            rewards,
+            rewards: *arena.rewards(),
             layout_hash: settings.layout(settings.frame_sizes(sizes)).hash(),
             capacity: Capacity::new(&settings, sides, pool.writers, self.max_held_batches, self.spectators),
             threads: pool.threads,
         };
-        let spec = LaneSpec { name: self.name, sizes, settings, make, team };
-        Ok(PreparedLane { spec, description, setup })
+        let spec = LaneSpec { name: self.name, sizes, settings, arena, team: self.team, hook: None };
+        Ok(PreparedLane { spec, description, files })
     }
 }
 
-impl LaneEnvs {
-    fn prepare(self, seed: u64) -> Result<PreparedEnvs, Problems> {
-        Ok(match self {
-            LaneEnvs::Battle { setup, team } => {
-                let (Scenario { name: scenario, .. }, arena) = setup.arena()?;
-                let (episode_limit, rewards) = (arena.episode_limit(), *arena.rewards());
-                let enemies = arena.sizes().enemies.filter(|_| team.is_none());
-                let sizes = Sizes { enemies, ..arena.sizes() };
-                let arena = Arc::new(arena);
-                let make = move |i: usize| -> Box<dyn Environment> {
-                    Box::new(Battle::new(Arc::clone(&arena), seed.wrapping_add(i as u64)))
-                };
-                let (make, setup) = (Box::new(make), Some(setup));
-                PreparedEnvs { scenario, episode_limit, sizes, make, setup, team, rewards }
-            }
-            LaneEnvs::Other { name, sizes, make } => {
-                let (scenario, rewards) = (name, Rewards::DEFAULT);
-                PreparedEnvs { scenario, episode_limit: None, sizes, make, setup: None, team: None, rewards }
-            }
-        })
+/// The arena and the name of the scenario.
+fn arena_of(setup: &BattleSetup, arenas: &mut Arenas) -> Result<(Arc<Arena>, String), Problems> {
+    let known = arenas.iter().position(|(other, ..)| other == setup);
+    let index = match known {
+        Some(index) => index,
+        None => {
+            let (scenario, arena) = setup.arena()?;
+            arenas.push((setup.clone(), Arc::new(arena), scenario.name));
+            arenas.len() - 1
+        }
+    };
+    let (_, arena, scenario) = &arenas[index];
+    Ok((Arc::clone(arena), scenario.clone()))
+}
+
+impl PreparedPool {
+    /// For tests and benchmarks: what environments of a lane, an index, do in place of a battle's step.
+    ///
+    /// # Panics
+    /// If there is no such lane.
+    pub fn hook_steps(&mut self, lane: usize, hook: MakeHook) {
+        self.lanes[lane].spec.hook = Some(hook);
     }
 }
 
@@ -201,7 +174,9 @@ impl SupervisorConfig {
         let (threads, learners) = (options.threads, lanes.len());
         let writers = threads + threads.min(learners);
         let pool = PoolInfo { name: &name, instance: &instance, threads, writers };
-        let lanes = lanes.into_iter().map(|lane| lane.prepare(&pool)).collect::<Result<Vec<_>, _>>()?;
+        let mut arenas = Arenas::new();
+        let lanes = lanes.into_iter().map(|lane| lane.prepare(&pool, &mut arenas));
+        let lanes = lanes.collect::<Result<Vec<_>, _>>()?;
         let frames = lanes.iter().map(|lane| lane.description.capacity.frame_memory(&lane.spec.layout()));
         let shared_memory = frames.sum();
         let clients = lanes.iter().map(|PreparedLane { spec, description, .. }| {

@@ -45,8 +45,6 @@ pub enum LaneConfigError {
     SameName,
     #[error(transparent)]
     Settings(#[from] LaneSettingsError),
-    #[error("its environments are no battles, so it cannot have the field `snapshot`")]
-    NoSnapshots,
     #[error("scenario: {0}")]
     Scenario(#[from] Problems),
     #[error(transparent)]

@@ -7,7 +7,7 @@ mod error;
 mod name_lock;
 
 use config::PreparedLane;
-pub use config::{LaneConfig, LaneEnvs, PreparedPool, SupervisorConfig};
+pub use config::{LaneConfig, PreparedPool, SupervisorConfig};
 pub use error::{LaneConfigError, StartError};
 pub(crate) use name_lock::NameLock;
 
@@ -67,7 +67,7 @@ impl Supervisor {
         let _name_lock = NameLock::acquire(&runtime_dir, &name)?;
         let ipc_node = open_node(&runtime_dir, &name)?;
         let descriptions: Vec<_> = lanes.iter().map(|lane| lane.description.clone()).collect();
-        let served = lanes.iter().map(|lane| ServedLane::new(lane.description.clone(), lane.setup.clone()));
+        let served = lanes.iter().map(|lane| ServedLane::new(lane.description.clone(), lane.files.clone()));
         let served = served.collect();
         let started = start_pool(&ipc_node.node, &instance, lanes, options);
         let (pool, ports, services) = started.map_err(|error| match error {

@@ -16,8 +16,7 @@ pub struct Sizes {
     pub obs_size: usize,
     /// Floats in the state.
     pub state_size: usize,
-    /// Entries of a snapshot's column `perception`; 0 without SMACv2's interface, and of environments that
-    /// are no battles.
+    /// Entries of a snapshot's column `perception`; 0 without SMACv2's interface.
     #[serde(default)]
     pub perception_size: usize,
     /// Units with phases in a snapshot: all under rules `starcraft`, else 0.

@@ -104,7 +104,7 @@ fn more_followed_environments_have_smaller_logs() {
     drop(others);
     assert_eq!(memory.share(), MAX_LOG_BYTES);
     let limit = MAX_LOG_BYTES / (MIN_SNAPSHOTS * next.memory());
-    assert_eq!(memory.check(limit, &next), Err(FollowError::TooMany { limit }));
+    assert_eq!(memory.check(limit, &next), Err(TooManyFollowed { limit }));
     assert_eq!(memory.check(limit - 1, &next), Ok(()));
 }
 

@@ -312,7 +312,7 @@ impl<T: Transport> Lane<T> {
         let seed = if epoch.reset.is_none() { seed.or(Some(self.seed)) } else { seed };
         for &env in &intake.envs {
             if let Some(seed) = seed {
-                lock(&self.envs[env as usize]).env.reseed(seed.wrapping_add(u64::from(env)));
+                lock(&self.envs[env as usize]).battle.reseed(seed.wrapping_add(u64::from(env)));
             }
             self.table.order(env as usize, task);
         }

@@ -12,10 +12,10 @@ pub(crate) use accept::Accepted;
 pub use stats::LaneStats;
 
 use crate::autoreset::Autoreset;
-use crate::environment::JointAction;
-use crate::episode_log::{EpisodePart, FollowError, FollowerId, LogMemory};
+use crate::episode_log::{EpisodePart, FollowerId, LogMemory, TooManyFollowed};
 use crate::frames::{Frames, SlotClaim};
 use crate::hosted_env::HostedEnv;
+use crate::joint_action::JointAction;
 use crate::lane_settings::{LaneSettings, LaneSpec};
 use crate::layout::Layout;
 use crate::rejection::Rejection;
@@ -75,7 +75,7 @@ impl<T: Transport> Lane<T> {
     ) -> Result<Self, TransportError> {
         let LaneSettings { num_envs, batch_size, seed, autoreset, .. } = spec.settings;
         let record = spec.settings.record_layout(spec.sizes).map(Arc::new);
-        let hosted = |i| HostedEnv::new((spec.make)(i), spec, record.clone());
+        let hosted = |i| HostedEnv::new(i, spec, record.clone());
         Ok(Lane {
             name: spec.name.clone(),
             num_envs,
@@ -167,14 +167,13 @@ impl<T: Transport> Lane<T> {
     /// environment may be given twice.
     ///
     /// # Errors
-    /// If they are no battles, or too many; then nothing has changed.
+    /// If they are too many; then nothing has changed.
     ///
     /// # Panics
     /// If there is no such environment.
-    pub fn follow(&self, envs: &[usize], follower: FollowerId) -> Result<(), FollowError> {
+    pub fn follow(&self, envs: &[usize], follower: FollowerId) -> Result<(), TooManyFollowed> {
         if let Some(&env) = envs.first() {
-            let env = lock(&self.envs[env]);
-            self.logs.check(envs.len(), &env.env.battle().ok_or(FollowError::NoBattle)?.save())?;
+            self.logs.check(envs.len(), &lock(&self.envs[env]).battle.save())?;
         }
         envs.iter().for_each(|&env| lock(&self.envs[env]).follow(follower, &self.logs));
         // More logs share the same memory.
@@ -319,7 +318,7 @@ impl<T: Transport> Lane<T> {
     ) -> Option<Step> {
         let actions = JointAction::new(self.table.actions(env));
         let step = hosted.run(self.table.task(env), actions, self.autoreset, scratch)?;
-        counts.count(&step, hosted.env.episode_return());
+        counts.count(&step, hosted.battle.episode_return());
         Some(step)
     }
 

@@ -7,7 +7,7 @@ use crate::follower::FollowedPart;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use smaclite_engine::Snapshot;
-use smaclite_pool::{EpisodePart, FollowError, FollowerId};
+use smaclite_pool::{EpisodePart, FollowerId, TooManyFollowed};
 use std::collections::BTreeSet;
 
 /// The most followers of a lane at once, and the most environments that one of them follows: limits of the
@@ -33,8 +33,7 @@ impl ControlServer {
     /// The scenario of a lane.
     pub(super) fn scenario(&self, lane: Option<String>) -> Result<ControlResponse, ControlError> {
         let lane = &self.lanes[self.find(lane)?];
-        let no_battles = || ControlError::NoBattles { lane: lane.description.lane.clone() };
-        let files = Box::new(lane.setup.as_ref().ok_or_else(no_battles)?.files.clone());
+        let files = Box::new(lane.files.clone());
         Ok(ControlResponse::Scenario { lane: Box::new(lane.description.clone()), files })
     }
 
@@ -64,10 +63,7 @@ impl ControlServer {
         let lane = &mut self.lanes[index];
         let id = FollowerId(lane.next_follower);
         let followed = self.pool.lane(index).follow(&env_ids, id);
-        followed.map_err(|error| match error {
-            FollowError::NoBattle => ControlError::NoBattles { lane: name.clone() },
-            FollowError::TooMany { limit } => ControlError::TooManyFollowed { lane: name.clone(), limit },
-        })?;
+        followed.map_err(|TooManyFollowed { limit }| ControlError::TooManyFollowed { lane: name, limit })?;
         lane.next_follower += 1;
         lane.followers += 1;
         connection.take_role(Role::Follower(index, Followed { id, env_ids, next: 0 }));
