@@ -1,7 +1,7 @@
 //! Battles in which joint actions play both sides: what the enemies see, do and earn is what agents would in
 //! their place, and everything about lanes holds for them.
 
-use smaclite_engine::policy::{LearnerView, Scripted};
+use smaclite_engine::policy::{BattleSide, LearnerView, Scripted};
 use smaclite_engine::{Arena, Battle, EnemySide, Faction, Opponent, Opponents, Rules, Scratch, Sides, Step};
 use smaclite_pool::Autoreset;
 use smaclite_pool::fields::{FIELDS, Field};
@@ -43,7 +43,10 @@ impl Player {
         battle.write_state_of(self.side, &mut self.state);
         battle.write_avail_actions_of(self.side, &mut self.available);
         let view = LearnerView::of(battle.arena(), self.side, &self.state, &self.available);
-        self.policy.act(&view, &mut self.actions);
+        let mut expected = self.actions.clone();
+        self.policy.clone().act(&view, &mut expected);
+        self.policy.act(&BattleSide::new(battle, self.side), &mut self.actions);
+        assert_eq!(self.actions, expected, "a policy decides by what the learner sees");
         &self.actions
     }
 }

@@ -25,15 +25,11 @@ impl Battle {
         self.available_of(side).all()
     }
 
-    fn available_of(&self, side: Faction) -> &Available {
+    pub(crate) fn available_of(&self, side: Faction) -> &Available {
         match side {
             Faction::Ally => &self.available,
             Faction::Enemy => &self.enemy_available,
         }
-    }
-
-    pub(crate) fn agents_available(&self) -> &Available {
-        &self.available
     }
 
     /// What plays the enemies in this episode.
@@ -151,7 +147,7 @@ impl Battle {
     }
 
     /// The features of a unit as a side sees it, by battle-wide id: those in [the state](Self::write_state),
-    /// if that is the side of the agents.
+    /// if that is the side of the agents; without the [mirror](crate::EnemySide) of the enemies' fields.
     ///
     /// # Panics
     /// If there is no such unit.

@@ -2,7 +2,7 @@
 //!
 //! They are part of the public interface: users compare learners with them and play against them, and benches
 //! and tests play with them. They see one side of a battle through [`Situation`]: that of the agents in a
-//! [`Battle`](crate::Battle) and, for the fields of a batch, in a [`LearnerView`].
+//! [`Battle`](crate::Battle), either in a [`BattleSide`] and, for the fields of a batch, in a [`LearnerView`].
 //!
 //! | file | contents |
 //! | --- | --- |
@@ -25,7 +25,7 @@ use tactics::Fire;
 pub use crate::tactic::Tactic;
 pub use random::{Random, uniform_below};
 pub(crate) use situation::EnemySituation;
-pub use situation::{LearnerView, Situation};
+pub use situation::{BattleSide, LearnerView, Situation};
 pub use tactics::nearest;
 
 impl Tactic {

@@ -66,25 +66,69 @@ pub trait Situation {
     }
 }
 
+/// As the agents see it.
 impl Situation for Battle {
     fn arena(&self) -> &Arena {
         Battle::arena(self)
     }
 
     fn features(&self, id: u32) -> UnitFeatures {
-        self.unit_features(id, Faction::Ally)
+        BattleSide::new(self, Faction::Ally).features(id)
     }
 
     fn is_available(&self, agent: usize, action: usize) -> bool {
-        Battle::is_available(self, agent, action)
+        BattleSide::new(self, Faction::Ally).is_available(agent, action)
     }
 
     fn n_available(&self, agent: usize) -> u32 {
-        self.agents_available().count(agent)
+        BattleSide::new(self, Faction::Ally).n_available(agent)
     }
 
     fn nth_available(&self, agent: usize, n: u32) -> usize {
-        self.agents_available().nth(agent, n)
+        BattleSide::new(self, Faction::Ally).nth_available(agent, n)
+    }
+}
+
+/// A battle as the learner of a side sees it.
+#[derive(Clone, Copy)]
+pub struct BattleSide<'a> {
+    battle: &'a Battle,
+    side: Faction,
+}
+
+impl<'a> BattleSide<'a> {
+    /// The battle as the learner of this side sees it; joint actions must play the side.
+    pub fn new(battle: &'a Battle, side: Faction) -> BattleSide<'a> {
+        BattleSide { battle, side }
+    }
+}
+
+impl Situation for BattleSide<'_> {
+    fn arena(&self) -> &Arena {
+        self.battle.arena()
+    }
+
+    fn faction(&self) -> Faction {
+        self.side
+    }
+
+    fn features(&self, id: u32) -> UnitFeatures {
+        let features = self.battle.unit_features(id, self.side);
+        let is_mirrored = self.side == Faction::Enemy && self.arena().sides().mirror();
+        let sign = if is_mirrored { -1.0 } else { 1.0 };
+        UnitFeatures { x: sign * features.x, y: sign * features.y, ..features }
+    }
+
+    fn is_available(&self, agent: usize, action: usize) -> bool {
+        self.battle.available_of(self.side).has(agent, action)
+    }
+
+    fn n_available(&self, agent: usize) -> u32 {
+        self.battle.available_of(self.side).count(agent)
+    }
+
+    fn nth_available(&self, agent: usize, n: u32) -> usize {
+        self.battle.available_of(self.side).nth(agent, n)
     }
 }
 
