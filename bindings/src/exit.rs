@@ -29,8 +29,8 @@ const EXIT_TIMEOUT: Duration = Duration::from_secs(5);
 /// locked mutex.
 static OPEN_CLIENTS: Mutex<Vec<Weak<dyn CloseAtExit>>> = Mutex::new(Vec::new());
 
-/// Uses to end at exit, because batches may be left: in the frame of a daemon thread, in a cycle that is never
-/// freed. Locked as [`OPEN_CLIENTS`] is.
+/// Uses to end at exit, because batches may be left: in the frame of a daemon thread, in a cycle that is
+/// never freed. Locked as [`OPEN_CLIENTS`] is.
 static FOLDER_USES: Mutex<Vec<FolderUse>> = Mutex::new(Vec::new());
 
 /// What is closed when the interpreter exits.

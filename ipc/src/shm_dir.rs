@@ -176,7 +176,7 @@ impl Drop for Usage {
     }
 }
 
-/// That a learner or spectator uses the folder of its pool's files. A batch keeps them longer than its client.
+/// The use of the folder of a pool's files by a learner or spectator. Batches prolong it.
 pub struct FolderUse(Weak<ShmDir>);
 
 impl FolderUse {

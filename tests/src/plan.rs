@@ -9,12 +9,14 @@ use smaclite_pool::{Autoreset, LaneSettings, LaneSpec, MakeHook, PoolOptions};
 use smaclite_scenarios::ScenarioFiles;
 use std::sync::Arc;
 
-/// The scenario of [`LanePlan::toy`]: two banelings or zerglings on each side, drawn for every episode. A random
-/// battle takes 1 to 15 steps.
+/// The scenario of [`LanePlan::toy`]: two banelings or zerglings on each side, drawn for every episode. A
+/// battle of random actions takes 1 to 15 steps.
 const TOY: &str = "toy";
 const TOY_TEXT: &str = r#"{
     "name": "toy", "num_allied_units": 2, "num_enemy_units": 2,
-    "teams": { "distribution": "weighted_teams", "unit_types": ["BANELING", "ZERGLING"], "weights": [0.5, 0.5] },
+    "teams": {
+        "distribution": "weighted_teams", "unit_types": ["BANELING", "ZERGLING"], "weights": [0.5, 0.5]
+    },
     "start_positions": { "distribution": "surrounded_and_reflect", "p": 0.5 },
     "opponent": "attack_nearest",
     "terrain_preset": "FLAT", "num_unit_types": 2, "unit_type_ids": { "BANELING": 0, "ZERGLING": 1 },
@@ -125,8 +127,8 @@ impl LanePlan {
         }
     }
 
-    /// A synchronous lane of small, short battles. Seeds decide teams and start positions of every episode, so
-    /// an environment that was exchanged for another shows.
+    /// A synchronous lane of small, short battles. Seeds decide teams and start positions of every episode,
+    /// so an environment that was exchanged for another shows.
     pub fn toy(num_envs: usize) -> LanePlan {
         LanePlan {
             episode_limit: Some(15),

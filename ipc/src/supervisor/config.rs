@@ -19,8 +19,8 @@ pub struct LaneConfig {
     pub name: String,
     /// What its battles are played with.
     pub setup: BattleSetup,
-    /// The team that plays the enemies. Then the setup has [mirrored sides](smaclite_engine::Sides::MIRRORED),
-    /// and the lane's learner is that of the agents.
+    /// The team that plays the enemies. Then the setup has
+    /// [mirrored sides](smaclite_engine::Sides::MIRRORED), and the lane's learner is that of the agents.
     pub team: Option<EnemyTeam>,
     /// How many there are, and how they are stepped.
     pub settings: LaneSettings,

@@ -202,7 +202,8 @@ fuzz_target!(|bytes: &[u8]| {
     let masks = frame.field::<u8>(&lane.layout, Field::AvailActions).expect("this one has");
     let mut words = vec![0u32; request_bytes(&lane.layout, RequestKind::Step, ids.len()) / 4];
     ids.iter().zip(&mut words).for_each(|(id, word)| *word = *id as u32);
-    for (mask, word) in masks.chunks(lane.layout.sizes().n_actions).zip(&mut words[body_offset(ids.len()) / 4..]) {
+    let masks = masks.chunks(lane.layout.sizes().n_actions);
+    for (mask, word) in masks.zip(&mut words[body_offset(ids.len()) / 4..]) {
         *word = mask.iter().position(|a| *a == 1).expect("an available action") as u32;
     }
     let (session, number) = (SessionId(bench.session), RequestNumber(2));

@@ -2,7 +2,8 @@
 //!
 //! They are part of the public interface: users compare learners with them and play against them, and benches
 //! and tests play with them. They see one side of a battle through [`Situation`]: that of the agents in a
-//! [`Battle`](crate::Battle), either in a [`BattleSide`] and, for the fields of a batch, in a [`LearnerView`].
+//! [`Battle`](crate::Battle), either side in a [`BattleSide`] and, from the fields of a batch, in a
+//! [`LearnerView`].
 //!
 //! | file | contents |
 //! | --- | --- |
