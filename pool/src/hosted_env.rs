@@ -55,7 +55,7 @@ pub(crate) struct HostedEnv {
     hook: Option<StepHook>,
     /// As its learner sees it.
     sizes: Sizes,
-    /// Working memory of the report of its available actions, `[n_actors, words]`.
+    /// Working memory of the report of available actions, `[n_actors, words]`, if actions play both sides.
     available: Vec<u64>,
     /// Working memory of the completion of observations: which units of a side are alive.
     alive: Vec<u8>,
@@ -88,7 +88,7 @@ pub(crate) struct State {
 impl HostedEnv {
     /// Environment `index` of a lane.
     pub(crate) fn new(index: usize, spec: &LaneSpec, record: Option<Arc<RecordLayout>>) -> HostedEnv {
-        let sizes = spec.sizes;
+        let sizes = spec.sizes();
         let mut battle = Battle::new(Arc::clone(&spec.arena), spec.settings.seed.wrapping_add(index as u64));
         let fields = spec.settings.frame_fields(sizes);
         if fields.contains(Field::RewardAgents) || fields.contains(Field::EnemyRewardAgents) {
@@ -97,7 +97,9 @@ impl HostedEnv {
         HostedEnv {
             hook: spec.hook.as_ref().and_then(|make| make(index)),
             sizes,
-            available: vec![0; sizes.n_actors() * words_per_actor(sizes)],
+            available: sizes
+                .enemies
+                .map_or(Vec::new(), |_| vec![0; sizes.n_actors() * words_per_actor(sizes)]),
             alive: Vec::new(),
             is_over: false,
             log: None,

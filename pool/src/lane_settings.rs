@@ -134,8 +134,6 @@ impl LaneSettings {
 pub struct LaneSpec {
     /// The name learners attach by.
     pub name: String,
-    /// Sizes of every environment as its learner sees them: without a second side that a team plays.
-    pub sizes: Sizes,
     /// Number of environments, batches, seed, autoreset, fields, and what is appended to observations.
     pub settings: LaneSettings,
     /// What the battles of all environments share.
@@ -147,8 +145,14 @@ pub struct LaneSpec {
 }
 
 impl LaneSpec {
+    /// Sizes of every environment as its learner sees them: without a second side that a team plays.
+    pub fn sizes(&self) -> Sizes {
+        let sizes = self.arena.sizes();
+        Sizes { enemies: sizes.enemies.filter(|_| self.team.is_none()), ..sizes }
+    }
+
     /// The layout of this lane's frames.
     pub fn layout(&self) -> Layout {
-        self.settings.layout(self.settings.frame_sizes(self.sizes))
+        self.settings.layout(self.settings.frame_sizes(self.sizes()))
     }
 }

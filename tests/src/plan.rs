@@ -86,7 +86,7 @@ impl PoolPlan {
     }
 
     /// The configuration of its supervisor, without faults.
-    pub fn config(&self, runtime_dir: &RuntimeDir) -> SupervisorConfig {
+    fn config(&self, runtime_dir: &RuntimeDir) -> SupervisorConfig {
         let options = PoolOptions { threads: self.threads, wait: WaitStrategy::default() };
         let lanes = self.lanes.iter().map(LanePlan::config).collect();
         SupervisorConfig { name: self.name.clone(), lanes, options, runtime_dir: runtime_dir.clone() }
@@ -170,9 +170,8 @@ impl LanePlan {
 
     /// The lane for a pool without a supervisor.
     pub fn spec(&self) -> LaneSpec {
-        let arena = self.arena();
-        let (name, sizes, settings) = (self.name.clone(), arena.sizes(), self.settings());
-        LaneSpec { name, sizes, settings, arena, team: None, hook: self.hook() }
+        let (name, settings, arena) = (self.name.clone(), self.settings(), self.arena());
+        LaneSpec { name, settings, arena, team: None, hook: self.hook() }
     }
 
     fn settings(&self) -> LaneSettings {

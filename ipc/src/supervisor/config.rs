@@ -6,7 +6,7 @@ use crate::control::protocol::LaneDescription;
 use crate::memory::{PORTS, check_room};
 use crate::name::check_name;
 use crate::runtime_dir::RuntimeDir;
-use smaclite_engine::{Arena, BattleSetup, Sides, Sizes};
+use smaclite_engine::{Arena, BattleSetup, Sides};
 use smaclite_pool::enemy_team::EnemyTeam;
 use smaclite_pool::{LaneSettings, LaneSpec, MakeHook, PoolOptions};
 use smaclite_scenarios::{Problems, ScenarioFiles};
@@ -104,32 +104,32 @@ impl LaneConfig {
         let (arena, scenario) =
             arena_of(&self.setup, arenas).map_err(|source| in_lane(&self.name, source.into()))?;
         let BattleSetup { files, rules, opponents, sides, .. } = self.setup;
+        let mut spec =
+            LaneSpec { name: self.name, settings: self.settings, arena, team: self.team, hook: None };
+        let (sizes, arena, team) = (spec.sizes(), &spec.arena, spec.team.as_ref());
+        spec.settings.fields = spec.settings.frame_fields(sizes);
+        spec.settings.team_last_actions = team.map_or(0, |team| team.last_actions);
+        let settings = spec.settings;
         // The learner of a lane with a team sees one side.
-        let enemies = arena.sizes().enemies.filter(|_| self.team.is_none());
-        let sides = if self.team.is_none() { sides } else { Sides::default() };
-        let sizes = Sizes { enemies, ..arena.sizes() };
-        let fields = self.settings.frame_fields(sizes);
-        let team_last_actions = self.team.as_ref().map_or(0, |team| team.last_actions);
-        let settings = LaneSettings { fields, team_last_actions, ..self.settings };
+        let sides = if team.is_none() { sides } else { Sides::default() };
         let description = LaneDescription {
             pool: pool.name.to_owned(),
             pid: std::process::id(),
             instance: pool.instance.to_owned(),
-            lane: self.name.clone(),
+            lane: spec.name.clone(),
             scenario,
             sizes: settings.frame_sizes(sizes),
             settings,
             episode_limit: arena.episode_limit(),
             rules: rules.to_string(),
             opponents,
-            opponent_team: self.team.as_ref().map(|team| team.name.clone()),
+            opponent_team: team.map(|team| team.name.clone()),
             sides,
             rewards: *arena.rewards(),
             layout_hash: settings.layout(settings.frame_sizes(sizes)).hash(),
             capacity: Capacity::new(&settings, sides, pool.writers, self.max_held_batches, self.spectators),
             threads: pool.threads,
         };
-        let spec = LaneSpec { name: self.name, sizes, settings, arena, team: self.team, hook: None };
         Ok(PreparedLane { spec, description, files })
     }
 }

@@ -74,7 +74,7 @@ impl<T: Transport> Lane<T> {
         threads: usize,
     ) -> Result<Self, TransportError> {
         let LaneSettings { num_envs, batch_size, seed, autoreset, .. } = spec.settings;
-        let record = spec.settings.record_layout(spec.sizes).map(Arc::new);
+        let record = spec.settings.record_layout(spec.sizes()).map(Arc::new);
         let hosted = |i| HostedEnv::new(i, spec, record.clone());
         Ok(Lane {
             name: spec.name.clone(),
@@ -83,7 +83,7 @@ impl<T: Transport> Lane<T> {
             autoreset,
             layout: spec.layout(),
             envs: (0..num_envs).map(|i| Mutex::new(hosted(i))).collect(),
-            table: EnvTable::new(num_envs, spec.sizes),
+            table: EnvTable::new(num_envs, spec.sizes()),
             intake: Mutex::new(Intake::new(inlet, num_envs, spec.layout().snapshot_size())),
             frames: Mutex::new(Frames::new(outlet, batch_size)?),
             work: Work::new(num_envs, batch_size == num_envs, threads),
