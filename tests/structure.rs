@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 const CRATES: &str = "units scenarios pool/engine pool pool/view pool/playground ipc bindings \
-     bindings/recorder bindings/learn bindings/cli benches tests";
+     bindings/recorder bindings/learn bindings/lab bindings/cli benches tests";
 
 const DECLARES: [&str; 8] = ["struct", "enum", "trait", "fn", "type", "const", "static", "macro_rules"];
 

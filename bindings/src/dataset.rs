@@ -10,7 +10,7 @@ use pyo3::exceptions::{PyMemoryError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use smaclite_engine::{BattleSetup, Opponents, Rules};
-use smaclite_learn::{ARRAYS, ArrayName, Dataset as Recipe, DatasetError, PerRow, Values};
+use smaclite_lab::{ARRAYS, ArrayName, Dataset as Recipe, DatasetError, PerRow, Values};
 use smaclite_pool::PoolOptions;
 use smaclite_pool::fields::Axis;
 use std::io;
@@ -25,7 +25,7 @@ pub fn table() -> Vec<(&'static str, &'static str, String, &'static str)> {
         Axis::State => "state_size",
         _ => "n_actions",
     };
-    let row = |spec: &smaclite_learn::ArraySpec| {
+    let row = |spec: &smaclite_lab::ArraySpec| {
         let first = if spec.per == PerRow::Step { "T" } else { "E" };
         let axes: Vec<&str> = std::iter::once(first).chain(spec.axes.iter().map(axis)).collect();
         (spec.name, spec.dtype.name(), axes.join(", "), spec.meaning)

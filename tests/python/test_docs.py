@@ -387,7 +387,7 @@ def test_files_that_are_named_are_there(name: str) -> None:
     assert not [path for path in paths if not (ROOT / path).exists()]
 
 
-RUST = "units scenarios pool/engine pool pool/view ipc bindings/learn bindings benches"
+RUST = "units scenarios pool/engine pool pool/view ipc bindings/learn bindings/lab bindings benches"
 
 
 @pytest.mark.parametrize("crate", RUST.split())

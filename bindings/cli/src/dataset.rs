@@ -10,10 +10,10 @@ use crate::table::Table;
 use clap::{Args, Subcommand, ValueEnum};
 use smaclite_engine::policy::{Scripted, Tactic};
 use smaclite_engine::{BattleSetup, Opponents, Rules};
-use smaclite_learn::{
+use smaclite_lab::{
     Amount, ArrayName, Card, DATASET_SUFFIX, Dataset, Distribution, PolicyCard, Quality, Recording, Source,
-    names_team, resolve_scenario,
 };
+use smaclite_learn::{names_team, resolve_scenario};
 use smaclite_pool::PoolOptions;
 use std::error::Error;
 use std::path::{Path, PathBuf};

@@ -91,6 +91,14 @@ impl RunDescription {
         actor
     }
 
+    /// Reads a file with weights of the team's policy.
+    ///
+    /// # Errors
+    /// If it cannot be read, is damaged, or is of another network.
+    pub fn read_actor(&self, path: &Path) -> Result<Network, FileError> {
+        read_actor(path, self.actor())
+    }
+
     /// The network that plays the scenario, from that of the files.
     pub(crate) fn playing(&self, stored: Network) -> Network {
         match OnScenario::new(&self.config, &self.inputs) {
@@ -173,7 +181,8 @@ impl Weights {
         }
     }
 
-    pub(crate) fn file_name(self) -> &'static str {
+    /// The name of the file, in the folder of a run.
+    pub fn file_name(self) -> &'static str {
         match self {
             Weights::Last => WEIGHTS,
             Weights::Best => BEST,
@@ -215,7 +224,7 @@ pub(crate) fn read_team_of(
 ) -> Result<(RunDescription, Weights, Network), FileError> {
     let weights = weights.unwrap_or_else(|| Weights::of(folder, &run));
     weights.check_kept(folder)?;
-    let stored = read_actor(&folder.join(weights.file_name()), run.actor())?;
+    let stored = run.read_actor(&folder.join(weights.file_name()))?;
     let actor = run.playing(stored);
     Ok((run, weights, actor))
 }
@@ -231,7 +240,7 @@ where
         return Ok(actor);
     }
     // Both sides of the lanes have the same units, which may be others than those of its training.
-    let stored = read_actor(&folder.join(Weights::of(folder, &run).file_name()), run.actor())?;
+    let stored = run.read_actor(&folder.join(Weights::of(folder, &run).file_name()))?;
     let here = RunDescription { inputs: lanes.inputs().clone(), ..run };
     here.inputs.check(&here.config).map_err(LaneError::from)?;
     Ok(here.playing(stored))

@@ -14,10 +14,11 @@
 //!    it and makes a step.
 //!
 //! `training` repeats this, `run` adds the files of a folder (`checkpoint`, `log`), `evaluations` are played
-//! while a run trains, `seeds` trains several runs at a time, `report` compares those of several algorithms
-//! (`statistics`), `evaluate` plays a trained team, and `trained_team` lets it play a single battle.
-//! `dataset` keeps what teams play, for offline learning. `zoo` has teams that are part of the program.
-//! `team` is what is trained. `random`, `parallel`, `math` and `tensors` serve the others.
+//! while a run trains, `seeds` trains several runs at a time, `evaluate` plays a trained team in a pool,
+//! `battles` without one, and `trained_team` lets it play a single battle. `zoo` has teams that are part of
+//! the program. `team` is what is trained. `random`, `parallel`, `math` and `tensors` serve the others.
+//!
+//! What compares, records or examines trained teams is the crate `smaclite_lab`.
 //!
 //! **Determinism.** The seed and the hyperparameters decide every bit of a run on one machine. They do so for
 //! any load and any number of threads, of the learner and of the pool: each random number comes from a
@@ -31,16 +32,15 @@ mod actor;
 mod adam;
 mod adapt;
 mod architecture;
+pub mod battles;
 mod checkpoint;
 mod collect;
 mod config;
 mod cpu_timer;
-mod dataset;
 mod description;
 mod enemy_actor;
 mod evaluate;
 mod evaluations;
-mod exploit;
 mod gae;
 mod gradient;
 mod lane_error;
@@ -53,18 +53,15 @@ mod loss;
 mod math;
 mod mlp;
 mod normaliser;
-mod parallel;
+pub mod parallel;
 mod policy;
 mod ppo;
-mod random;
-mod report;
+pub mod random;
 mod rollout;
 mod run;
 mod seeds;
-mod statistics;
 mod team;
 mod tensors;
-mod tournament;
 mod trained_team;
 mod training;
 mod units_network;
@@ -79,41 +76,26 @@ pub use config::{
     Activation, Algorithm, Config, ConfigError, DRAWN_TEAM_ENTROPY, Enemies, NetworkKind,
     STATE_CRITIC_AGENTS, SelfPlay, TEAM_ENTROPY, UnknownKeyword,
 };
-pub use dataset::{
-    ARRAYS, Amount, ArrayName, ArraySpec, Card, Dataset, DatasetError, Distribution,
-    Episode as RecordedEpisode, PerRow, Policy, PolicyCard, Quality, Recording, SUFFIX as DATASET_SUFFIX,
-    Source, UnknownArray, UnknownQuality, Values,
-};
 pub use description::{OtherMap, RunDescription, Weights};
 pub use evaluate::{
     EvaluateError, EvaluatedEpisode, Evaluation, EvaluationEvent, EvaluationResult, evaluate,
 };
 pub use evaluations::{
-    Difference, EVALUATION_EPISODES, EvaluationRow, FINAL_EPISODES, FinalResult, Summary, Verification,
-    VerifyError, verify,
+    BothEpisodes, EVALUATION_EPISODES, EvaluationFiles, EvaluationRow, Evaluator, FINAL_EPISODES,
+    FinalResult, Occasion, Summary,
 };
-pub use exploit::{Exploit, ExploitError, ExploitResult, Response};
 pub use lane_error::LaneError;
 pub use lane_opponents::{LaneOpponents, LaneOpponentsError};
 pub use lanes::{Lanes, resolve_scenario};
 pub use policy::Choice;
 pub use ppo::{Diverged, UpdateStats};
-pub use report::{
-    Aggregate, AlgorithmRuns, Benchmark, CRITERION_EPISODES, CRITERION_WIN_RATE, Curve, ENVIRONMENT,
-    EvaluatedRun, FirstWin, Improvement, Metric, PlayedEvaluation, Profile, Report, ReportError, Spread,
-    THRESHOLDS, TimeToWin, marl_eval_json, time_to_win,
-};
 pub use rollout::Episode;
 pub use run::Run;
 pub use seeds::{OnSeedEvent, SeedEvent, Seeds, SeedsError, runs_in};
-pub use statistics::{
-    Estimate, Scores, estimate, estimates, interquartile_mean, probability_of_improvement, profile,
-    wilson_interval,
-};
-pub use tensors::FileError;
-pub use tournament::{PlayerScore, Score, Tournament, TournamentError, TournamentResult};
+pub use team::Network;
+pub use tensors::{FileError, read as read_file};
 pub use trained_team::{TeamTensor, TrainedTeam, UnfitTeam};
 pub use training::{Record, SelfPlayRecord, TrainError};
 pub use zoo::{names_team, zoo_teams};
-pub use zoo_cards::{ZooCard, ZooResult, zoo_cards};
-pub use zoo_folders::{ExportError, export_zoo_team};
+pub use zoo_cards::{ZooCard, ZooResult, zoo_card, zoo_cards};
+pub use zoo_folders::{ExportError, export_zoo_team, refuse_zoo_team};

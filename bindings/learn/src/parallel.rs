@@ -6,13 +6,13 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
 /// The jobs were interrupted, and not all were run.
 #[derive(Debug, PartialEq, Eq)]
-pub(crate) struct Interrupted;
+pub struct Interrupted;
 
 /// Runs `work` on every job. Each thread has one workspace, so there are as many threads as workspaces; the
 /// calling thread is one of them, and asks before each of its jobs whether to stop.
 ///
 /// The threads live for one call. Starting one costs some 20 us, and a call works for milliseconds.
-pub(crate) fn run<J: Send, W: Send>(
+pub fn run<J: Send, W: Send>(
     jobs: impl Iterator<Item = J> + Send,
     workspaces: &mut [W],
     interrupted: &mut dyn FnMut() -> bool,

@@ -37,7 +37,7 @@ impl Choice {
     }
 
     /// What an option `--greedy` says.
-    pub(crate) fn of(greedy: bool) -> Choice {
+    pub fn of(greedy: bool) -> Choice {
         if greedy { Choice::Greedy } else { Choice::Sampled }
     }
 }

@@ -7,7 +7,7 @@ use rand_pcg::Pcg64Mcg;
 
 /// What the numbers are for.
 #[derive(Clone, Copy)]
-pub(crate) enum Purpose {
+pub enum Purpose {
     /// First weights; the counter is the network.
     Weights = 1,
     /// Seeds of the environments; the counters are the number of the restart and the updates since then.
@@ -50,7 +50,7 @@ fn mix(x: u64) -> u64 {
 }
 
 /// A seed by purpose and counters.
-pub(crate) fn seed(seed: u64, purpose: Purpose, counters: [u64; 2]) -> u64 {
+pub fn seed(seed: u64, purpose: Purpose, counters: [u64; 2]) -> u64 {
     const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
     let parts = [seed, purpose as u64, counters[0], counters[1]];
     parts
@@ -59,17 +59,17 @@ pub(crate) fn seed(seed: u64, purpose: Purpose, counters: [u64; 2]) -> u64 {
 }
 
 /// A generator by purpose and counters.
-pub(crate) fn generator(run: u64, purpose: Purpose, counters: [u64; 2]) -> Pcg64Mcg {
+pub fn generator(run: u64, purpose: Purpose, counters: [u64; 2]) -> Pcg64Mcg {
     Pcg64Mcg::seed_from_u64(seed(run, purpose, counters))
 }
 
 /// Uniform in 0 <= u < 1.
-pub(crate) fn uniform(generator: &mut Pcg64Mcg) -> f32 {
+pub fn uniform(generator: &mut Pcg64Mcg) -> f32 {
     (generator.next_u64() >> 40) as f32 / (1u64 << 24) as f32
 }
 
 /// A number of the standard normal distribution (Box and Muller, 1958).
-pub(crate) fn normal(generator: &mut Pcg64Mcg) -> f64 {
+pub fn normal(generator: &mut Pcg64Mcg) -> f64 {
     let mut uniform = || ((generator.next_u64() >> 11) as f64 + 0.5) / (1u64 << 53) as f64;
     let (radius, angle) = ((-2.0 * uniform().ln()).sqrt(), std::f64::consts::TAU * uniform());
     radius * angle.cos()

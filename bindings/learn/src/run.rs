@@ -192,7 +192,7 @@ impl Run {
         lanes: Vec<Lanes>,
         threads: usize,
     ) -> Result<Run, TrainError> {
-        zoo_folders::refuse(folder, "checkpoint to continue from")?;
+        zoo_folders::refuse_zoo_team(folder, "checkpoint to continue from")?;
         let lock = lock(folder)?;
         remove_incomplete_files(folder)?;
         let mut description = RunDescription::read(folder)?;

@@ -13,10 +13,10 @@ const CRITIC_GAIN: f64 = 1.0;
 
 /// A network and its optimiser.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Network {
-    pub architecture: Architecture,
-    pub params: Vec<f32>,
-    pub adam: Adam,
+pub struct Network {
+    pub(crate) architecture: Architecture,
+    pub(crate) params: Vec<f32>,
+    pub(crate) adam: Adam,
 }
 
 impl Network {
@@ -27,18 +27,18 @@ impl Network {
     }
 
     /// The same network, for playing alone.
-    pub fn without_optimiser(&self) -> Network {
+    pub(crate) fn without_optimiser(&self) -> Network {
         let (architecture, params) = (self.architecture.clone(), self.params.clone());
         Network { architecture, params, adam: Adam::new(0) }
     }
 
     /// Computes the outputs of all rows of `x`; `ids` has the agent of each.
-    pub fn forward(&self, x: &[f32], ids: &[u16], workspace: &mut Workspace) {
+    pub(crate) fn forward(&self, x: &[f32], ids: &[u16], workspace: &mut Workspace) {
         self.architecture.forward(&self.params, x, ids, workspace);
     }
 
     /// Adds the gradient of the parameters, after the forward pass of the same rows.
-    pub fn backward(&self, x: &[f32], ids: &[u16], workspace: &mut Workspace, gradient: &mut [f32]) {
+    pub(crate) fn backward(&self, x: &[f32], ids: &[u16], workspace: &mut Workspace, gradient: &mut [f32]) {
         self.architecture.backward(&self.params, x, ids, workspace, gradient);
     }
 }

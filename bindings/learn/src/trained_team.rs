@@ -69,6 +69,15 @@ impl TrainedTeam {
         Ok(TrainedTeam { run, network })
     }
 
+    /// The team of a run, with the weights in this file.
+    ///
+    /// # Errors
+    /// As [`RunDescription::read_actor`].
+    pub fn open_file(run: &RunDescription, weights: &Path) -> Result<TrainedTeam, FileError> {
+        let network = run.playing(run.read_actor(weights)?);
+        Ok(TrainedTeam { run: run.clone(), network })
+    }
+
     /// The same on another map, with networks that fit every scenario.
     ///
     /// # Errors

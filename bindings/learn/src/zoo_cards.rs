@@ -50,7 +50,7 @@ pub fn zoo_cards() -> Result<Vec<ZooCard>, FileError> {
 }
 
 /// The card of a team, if it is one of the zoo.
-pub(crate) fn zoo_card(folder: &Path) -> Result<Option<ZooCard>, FileError> {
+pub fn zoo_card(folder: &Path) -> Result<Option<ZooCard>, FileError> {
     zoo_file(&folder.join("card.json")).is_some().then(|| read_card(folder)).transpose()
 }
 

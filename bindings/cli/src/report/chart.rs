@@ -2,7 +2,7 @@
 //! pages. All values are shares, 0 to 1.
 
 use crate::svg::{LETTER, escaped};
-use smaclite_learn::Estimate;
+use smaclite_lab::Estimate;
 use std::fmt::Write;
 
 /// The colours of a kind of pages.

@@ -3,7 +3,7 @@
 
 use super::Results;
 use super::chart::{Bar, Line, Panel, THEMES, bars, lines};
-use smaclite_learn::{Estimate, Metric};
+use smaclite_lab::{Estimate, Metric};
 
 /// Panels beside each other.
 const COLUMNS: usize = 2;
@@ -88,7 +88,7 @@ fn curves(results: &Results, metric: Metric) -> Vec<Panel> {
     let panel = |task: Option<&str>| {
         let of_task = results.report.curves.iter();
         let of_task = of_task.filter(|curve| curve.metric == metric && curve.task.as_deref() == task);
-        let line = |curve: &smaclite_learn::Curve| Line {
+        let line = |curve: &smaclite_lab::Curve| Line {
             name: curve.algorithm.clone(),
             place: place(results, &curve.algorithm),
             points: curve.points.iter().map(|(steps, estimate)| (*steps as f64, *estimate)).collect(),
@@ -103,7 +103,7 @@ fn curves(results: &Results, metric: Metric) -> Vec<Panel> {
 
 fn profiles(results: &Results, metric: Metric) -> Vec<Panel> {
     let of_metric = results.report.profiles.iter().filter(|profile| profile.metric == metric);
-    let line = |profile: &smaclite_learn::Profile| Line {
+    let line = |profile: &smaclite_lab::Profile| Line {
         name: profile.algorithm.clone(),
         place: place(results, &profile.algorithm),
         points: profile.points.clone(),
@@ -124,7 +124,7 @@ fn means(results: &Results, metric: Metric) -> Vec<Bar> {
 
 fn improvements(results: &Results, metric: Metric) -> Vec<Bar> {
     let of_metric = results.report.improvements.iter().filter(|of| of.metric == metric);
-    let name = |of: &smaclite_learn::Improvement| format!("{} better than {}", of.better, of.than);
+    let name = |of: &smaclite_lab::Improvement| format!("{} better than {}", of.better, of.than);
     of_metric.map(|of| bar(name(of), place(results, &of.better), of.probability)).collect()
 }
 

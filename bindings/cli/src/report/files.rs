@@ -3,7 +3,8 @@
 
 use super::Results;
 use crate::csv::quoted;
-use smaclite_learn::{Estimate, EvaluatedRun, FirstWin, Summary, TimeToWin};
+use smaclite_lab::{Estimate, EvaluatedRun, FirstWin, TimeToWin};
+use smaclite_learn::Summary;
 
 /// Names and contents.
 pub(super) fn all(results: &Results) -> impl Iterator<Item = (&'static str, String)> {

@@ -13,9 +13,8 @@ use crate::picture::write_file;
 use crate::process::interrupt_flag;
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use smaclite_learn::{
-    Benchmark, Choice, EvaluatedRun, FirstWin, Report, ReportError, marl_eval_json, time_to_win,
-};
+use smaclite_lab::{Benchmark, EvaluatedRun, FirstWin, Report, ReportError, marl_eval_json, time_to_win};
+use smaclite_learn::Choice;
 use smaclite_pool::PoolOptions;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

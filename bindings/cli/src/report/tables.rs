@@ -3,10 +3,11 @@
 use super::{Results, figures};
 use crate::CommandResult;
 use crate::table::Table;
-use smaclite_learn::{
-    Aggregate, AlgorithmRuns, Benchmark, CRITERION_EPISODES, CRITERION_WIN_RATE, Choice, Estimate,
-    EvaluatedRun, FirstWin, Metric, Spread, TimeToWin,
+use smaclite_lab::{
+    Aggregate, AlgorithmRuns, Benchmark, CRITERION_EPISODES, CRITERION_WIN_RATE, Estimate, EvaluatedRun,
+    FirstWin, Metric, Spread, TimeToWin,
 };
+use smaclite_learn::Choice;
 
 const AGGREGATES: &str = "Final episodes of the best weights: interquartile means with 95 % intervals";
 const TASKS: &str = "By task: won episodes and return of the final episodes";

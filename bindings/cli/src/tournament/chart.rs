@@ -3,7 +3,7 @@
 
 use super::report::score;
 use crate::svg::{LETTER, escaped};
-use smaclite_learn::TournamentResult;
+use smaclite_lab::TournamentResult;
 use std::fmt::Write;
 
 /// Side lengths of a cell, in pixels.

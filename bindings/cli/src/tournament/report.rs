@@ -3,7 +3,7 @@
 use crate::CommandResult;
 use crate::csv::quoted;
 use crate::table::Table;
-use smaclite_learn::{PlayerScore, Score, TournamentResult};
+use smaclite_lab::{PlayerScore, Score, TournamentResult};
 
 const POINTS: &str = "Wins-draws-losses of the agents (rows) against the enemies (columns)";
 const RETURNS: &str = "Mean returns of the agents / of the enemies";

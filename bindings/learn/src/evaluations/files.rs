@@ -25,10 +25,10 @@ const WEIGHTS: &str = "evaluations";
 const EPISODE_COLUMNS: &str = "steps,actions,episode,return,length,won\n";
 
 /// The episodes of an evaluation, with greedy and with sampled actions.
-pub(crate) type BothEpisodes = [Vec<Episode>; 2];
+pub type BothEpisodes = [Vec<Episode>; 2];
 
 /// The files of one run.
-pub(crate) struct EvaluationFiles {
+pub struct EvaluationFiles {
     folder: PathBuf,
 }
 

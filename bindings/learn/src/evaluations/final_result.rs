@@ -50,7 +50,7 @@ impl FinalResult {
     }
 
     /// The file in the folder of a run.
-    pub(crate) fn path(folder: &Path) -> PathBuf {
+    pub fn path(folder: &Path) -> PathBuf {
         folder.join("final.json")
     }
 

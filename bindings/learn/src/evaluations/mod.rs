@@ -8,7 +8,6 @@
 //! | `row` | the result of one evaluation, and what is best |
 //! | `files` | the files in the folder of a run |
 //! | `final_result` | `final.json` |
-//! | `verify` | playing recorded evaluations again |
 //!
 //! The evaluation at `k` times `evaluate_every` steps is that of the weights after the first update that
 //! reaches so many steps. It is played when the next update is asked for, so a run that ends in between
@@ -18,7 +17,6 @@ mod files;
 mod final_result;
 mod play;
 mod row;
-mod verify;
 
 use crate::checkpoint::{Checkpoint, read_actor, write_actor, write_weights};
 use crate::cpu_timer::CpuTimer;
@@ -27,13 +25,12 @@ use crate::parallel::Interrupted;
 use crate::policy::Choice;
 use crate::tensors::{FileError, remove};
 use crate::training::TrainError;
-pub(crate) use files::{BothEpisodes, EvaluationFiles};
+pub use files::{BothEpisodes, EvaluationFiles};
 pub use final_result::FinalResult;
-pub(crate) use play::{Evaluator, Occasion};
+pub use play::{Evaluator, Occasion};
 pub use row::{EvaluationRow, Summary};
 use smaclite_ipc::ClientError;
 use std::path::{Path, PathBuf};
-pub use verify::{Difference, Verification, VerifyError, verify};
 
 /// Episodes with greedy actions, and as many with sampled ones, of an evaluation while a run trains.
 pub const EVALUATION_EPISODES: usize = 32;
@@ -165,8 +162,8 @@ impl Evaluations {
     fn restore_best(&self) -> Result<(), FileError> {
         let path = self.folder.join(BEST);
         let Some(best) = EvaluationRow::best(&self.rows) else { return remove(&path) };
-        let kept = read_actor(&self.files.weights(best.steps), self.run.actor())?;
-        if !path.exists() || read_actor(&path, self.run.actor())? != kept {
+        let kept = self.run.read_actor(&self.files.weights(best.steps))?;
+        if !path.exists() || self.run.read_actor(&path)? != kept {
             write_actor(&path, &kept)?;
         }
         Ok(())

@@ -1,5 +1,6 @@
-//! Plays the episodes of an evaluation, as tournaments do: some in lockstep, on several threads.
+//! Plays the episodes of an evaluation, some in lockstep, on several threads.
 
+use crate::battles::{Ended, Pairing, Play, Player};
 use crate::config::Enemies;
 use crate::description::{OPPONENT, RunDescription, Weights};
 use crate::parallel::{self, Interrupted};
@@ -8,7 +9,6 @@ use crate::random::{Purpose, seed};
 use crate::rollout::Episode;
 use crate::team::{Network, Team};
 use crate::tensors::FileError;
-use crate::tournament::{Ended, Pairing, Play, Player};
 use crate::trained_team::TrainedTeam;
 use smaclite_engine::{Opponent, Scratch};
 use std::path::Path;
@@ -20,13 +20,21 @@ const LOCKSTEP: usize = 8;
 
 /// Which evaluation of a run is played. It decides the seeds.
 #[derive(Clone, Copy)]
-pub(crate) enum Occasion {
+pub enum Occasion {
     /// While the run trains, at this step count.
-    Training { steps: u64 },
+    Training {
+        /// The step count.
+        steps: u64,
+    },
     /// At the end, with the best weights.
     Final,
     /// In a report, with the weights of the evaluation at this step count: one of several blocks.
-    TimeToWin { steps: u64, block: u64 },
+    TimeToWin {
+        /// The step count.
+        steps: u64,
+        /// The number of the block.
+        block: u64,
+    },
 }
 
 impl Occasion {
@@ -43,7 +51,7 @@ impl Occasion {
 
 /// Plays a run's team against what it trains against: its scripts, or the team of another run. In self-play
 /// the opponent is the script `attack_move`.
-pub(crate) struct Evaluator {
+pub struct Evaluator {
     seed: u64,
     pairing: Pairing,
     /// The team, and who plays the enemies.

@@ -49,7 +49,7 @@ pub struct EvaluationRow {
 
 impl EvaluationRow {
     /// The columns of the file.
-    pub(crate) const COLUMNS: [&str; 11] = [
+    pub const COLUMNS: [&str; 11] = [
         "steps",
         "trained_steps",
         "updates",
@@ -79,7 +79,8 @@ impl EvaluationRow {
         std::array::from_fn(|i| (Self::COLUMNS[i + 3], values[i]))
     }
 
-    pub(crate) fn line(&self) -> String {
+    /// The line of the file.
+    pub fn line(&self) -> String {
         let counts = [self.steps, self.trained_steps, self.updates].map(|count| count.to_string());
         let values = self.values().map(|(_, value)| value.to_string());
         counts.into_iter().chain(values).collect::<Vec<_>>().join(",") + "\n"

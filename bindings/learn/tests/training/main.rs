@@ -1,11 +1,8 @@
 //! Whole runs, with pools in this process: a team learns, equal seeds give equal bits, a resumed run is the
 //! uninterrupted one, and wrong lanes and files are refused.
 
-mod evaluations;
-mod foreign;
 mod kit;
 mod maps;
-mod report;
 mod seeds;
 mod self_play;
 

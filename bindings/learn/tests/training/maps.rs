@@ -4,7 +4,7 @@ use crate::kit::{Place, check_resumed, complete, evaluated, evaluation, small};
 use smaclite_engine::{BattleSetup, Rules};
 use smaclite_learn::{
     Algorithm, Config, Evaluation, EvaluationResult, Lanes, NetworkKind, Run, RunDescription, SelfPlay,
-    TrainedTeam, evaluate, resolve_scenario, verify,
+    TrainedTeam, evaluate, resolve_scenario,
 };
 use std::sync::Arc;
 
@@ -122,16 +122,4 @@ fn what_is_for_one_map_is_refused() {
     let enemies = smaclite_learn::Enemies::SelfPlay(SelfPlay::LEAGUE);
     let error = refuse(universal(Config { enemies, ..small() }));
     assert!(error.starts_with("network must be `flat` or `units` where a team plays"), "{error}");
-}
-
-/// Figures of types are those of the rules, in lanes and where the folder of the run is read.
-#[test]
-fn a_universal_team_of_other_rules_is_evaluated_and_verified() {
-    let place = Place::new();
-    let setup = resolve_scenario("2s3z", Rules::Starcraft).unwrap();
-    let config = universal(Config { evaluate_every: Some(400), ..small() });
-    let lanes = Lanes::start(&setup, config.num_envs, config.last_actions, 1, &place.runtime_dir).unwrap();
-    complete(Run::begin(&place.path("run"), config, &setup, lanes, 1).unwrap());
-    let verified = verify(&place.path("run"), usize::MAX, 1, &mut || false).unwrap();
-    assert!(verified.is_final && verified.evaluations == 4, "{verified:?}");
 }

@@ -1,0 +1,277 @@
+//! Datasets are recorded, expanded and read with the same bits, for any number of threads and of episodes;
+//! and files that are damaged are refused (`damage`).
+
+mod damage;
+
+use super::*;
+use smaclite_engine::policy::Tactic;
+use smaclite_engine::{Battle, EnemySide, EpisodeLimit, Rules, Scratch, Sides};
+use smaclite_learn::{Config, EvaluationRow, Lanes, Run, Summary, Weights, resolve_scenario};
+
+/// Shorter than some of the episodes.
+const LIMIT: u32 = 45;
+
+fn script(scenario: &str, limit: u32) -> Source {
+    let setup = resolve_scenario(scenario, Rules::Smaclite).unwrap();
+    let setup = BattleSetup { episode_limit: EpisodeLimit::Steps(limit), ..setup };
+    Source::Script { setup, tactic: Tactic::Random }
+}
+
+/// Some episodes of 2s3z, of which the short limit truncates some.
+pub(super) fn recorded(threads: usize) -> Dataset {
+    let (source, amount) = (script("2s3z", LIMIT), Amount::Episodes(40));
+    let recording = Recording { source, amount, seed: 7, greedy: false, threads };
+    Dataset::record(&recording, &mut || false).unwrap()
+}
+
+fn bytes_of(dataset: &Dataset) -> Vec<u8> {
+    let file = tempfile::NamedTempFile::new().unwrap();
+    dataset.write(file.path()).unwrap();
+    std::fs::read(file.path()).unwrap()
+}
+
+fn read(bytes: &[u8]) -> Result<Dataset, String> {
+    Dataset::from_reader(bytes, "3m.smdata").map_err(|error| error.to_string())
+}
+
+fn all(dataset: &Dataset, threads: usize) -> Vec<(ArrayName, Values)> {
+    dataset.expand(&ArrayName::ALL, threads, &mut || false).unwrap()
+}
+
+/// What is recorded, written, read and expanded does not depend on the number of threads.
+#[test]
+fn threads_change_no_bit() {
+    let dataset = recorded(1);
+    let bytes = bytes_of(&dataset);
+    assert_eq!(bytes_of(&recorded(3)), bytes);
+    let read = read(&bytes).unwrap();
+    let expected = all(&dataset, 1);
+    for threads in [1, 2, 5] {
+        assert!(all(&read, threads) == expected, "{threads} threads");
+    }
+}
+
+/// The arrays have the rows that a battle gives which is played step by step, and the last observations
+/// apart.
+#[test]
+fn arrays_are_what_battles_give() {
+    let dataset = recorded(2);
+    let arrays = all(&dataset, 2);
+    let floats = |array: ArrayName| match &arrays[array as usize].1 {
+        Values::F32(values) => values,
+        other => panic!("{array:?} has other numbers: {other:?}"),
+    };
+    let Sizes { n_agents, obs_size, state_size, .. } = dataset.sizes();
+    let (mut obs, mut state) = (vec![0.0; n_agents * obs_size], vec![0.0; state_size]);
+    let mut scratch = Scratch::new();
+    for (i, episode) in dataset.episodes().iter().enumerate() {
+        let mut battle = Battle::new(Arc::clone(&dataset.arena), episode.seed);
+        for step in dataset.steps_of(i) {
+            battle.write_obs(&mut obs, &mut scratch);
+            assert_eq!(floats(ArrayName::Obs)[step * obs.len()..][..obs.len()], obs);
+            let actions: Vec<i32> = dataset.actions_of(step).iter().map(|&action| action.into()).collect();
+            let reward = battle.step(&actions, &mut scratch).unwrap().reward as f32;
+            assert_eq!(floats(ArrayName::Reward)[step], reward);
+        }
+        assert!(battle.is_over());
+        battle.write_state(&mut state);
+        assert_eq!(floats(ArrayName::FinalState)[i * state_size..][..state_size], state);
+    }
+}
+
+/// Every episode ends in its last step and nowhere else, and a truncated one is not terminated.
+#[test]
+fn terminated_and_truncated_are_kept_apart() {
+    let dataset = recorded(2);
+    let arrays = all(&dataset, 2);
+    let bools = |array: ArrayName| match &arrays[array as usize].1 {
+        Values::Bool(values) => values,
+        other => panic!("{array:?} has other values: {other:?}"),
+    };
+    let mut ends = [0; 2];
+    for (i, episode) in dataset.episodes().iter().enumerate() {
+        let steps = dataset.steps_of(i);
+        for step in steps.clone() {
+            let is_end = |array| bools(array)[step] != 0;
+            let (terminated, truncated) = (is_end(ArrayName::Terminated), is_end(ArrayName::Truncated));
+            assert_eq!(terminated || truncated, step + 1 == steps.end);
+            assert!(!(terminated && truncated));
+            assert_eq!(is_end(ArrayName::BattleWon), step + 1 == steps.end && episode.end.battle_won);
+        }
+        ends[usize::from(episode.end.truncated)] += 1;
+    }
+    assert!(ends.iter().all(|count| *count > 0), "the test needs both: {ends:?}");
+}
+
+#[test]
+fn files_of_numpy_have_the_same_bytes() {
+    let dataset = recorded(2);
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("arrays");
+    dataset.expand_to(&out, &ArrayName::ALL, 3, &mut || false).unwrap();
+    for (array, values) in all(&dataset, 1) {
+        let bytes = std::fs::read(out.join(format!("{}.npy", array.spec().name))).unwrap();
+        let (head, elements) = bytes.split_at(128);
+        assert!(elements == values.bytes(), "{array:?}");
+        assert!(head.starts_with(b"\x93NUMPY\x01\x00") && head.ends_with(b"\n"));
+    }
+    let error = dataset.expand_to(&out, &ArrayName::ALL, 3, &mut || false).unwrap_err().to_string();
+    assert!(error.contains("must be written to a new folder"), "{error}");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "nothing is left beside it");
+}
+
+#[test]
+fn the_card_counts_what_was_played() {
+    let dataset = recorded(2);
+    let card = dataset.card();
+    let Values::F32(rewards) = &all(&dataset, 1)[ArrayName::Reward as usize].1 else { panic!() };
+    let total: f64 = rewards.iter().map(|reward| f64::from(*reward)).sum();
+    assert!((card.returns.mean * 40.0 - total).abs() < 1e-6 * total);
+    assert_eq!((card.episodes, card.steps), (40, dataset.n_steps()));
+    assert!(card.coverage > 0.9 && card.coverage <= 1.0, "{}", card.coverage);
+    assert_eq!(card.policies.len(), 1);
+    assert_eq!(card.policies[0].name, "random");
+    assert!(card.returns.min <= card.returns.median && card.returns.median <= card.returns.max);
+}
+
+#[test]
+fn battles_that_do_not_end_or_have_two_players_are_refused() {
+    let Source::Script { setup, tactic } = script("3m", 60) else { unreachable!() };
+    let endless = BattleSetup { episode_limit: EpisodeLimit::None, ..setup.clone() };
+    let both = setup.with_sides(Sides::Both(EnemySide { mirror: false, zero_sum: false }));
+    for (setup, expected) in [(endless, "must have an episode limit"), (both, "both sides")] {
+        let source = Source::Script { setup, tactic };
+        let recording = Recording { source, amount: Amount::Episodes(1), seed: 0, greedy: false, threads: 1 };
+        let error = Dataset::record(&recording, &mut || false).unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}");
+    }
+}
+
+#[test]
+fn as_many_steps_are_recorded_as_are_asked_for() {
+    let amount = Amount::Steps(500);
+    let recording = Recording { source: script("3m", 60), amount, seed: 1, greedy: false, threads: 2 };
+    let dataset = Dataset::record(&recording, &mut || false).unwrap();
+    let last = dataset.episodes().last().unwrap().length as usize;
+    assert!(dataset.n_steps() >= 500 && dataset.n_steps() - last < 500, "{}", dataset.n_steps());
+}
+
+/// Teams, start positions and opponents that are drawn for each episode are drawn again.
+#[test]
+fn generated_battles_are_played_again() {
+    let Source::Script { setup, tactic } = script("terran_5_vs_5", 60) else { unreachable!() };
+    let opponents = "attack_move=1,focus_fire=3,kite=0.7".parse().unwrap();
+    let source = Source::Script { setup: BattleSetup { opponents, ..setup }, tactic };
+    let recording = Recording { source, amount: Amount::Episodes(20), seed: 5, greedy: false, threads: 2 };
+    let dataset = Dataset::record(&recording, &mut || false).unwrap();
+    assert_eq!(all(&read(&bytes_of(&dataset)).unwrap(), 1), all(&dataset, 2));
+}
+
+/// The folder of a run with two evaluations.
+fn run_with_evaluations(folder: &std::path::Path) {
+    let runtime_dir = smaclite_ipc::RuntimeDir::at(folder.join("pools")).unwrap();
+    let setup = resolve_scenario("3m", Rules::Smaclite).unwrap();
+    let small = Config { num_envs: 4, horizon: 8, minibatches: 2, hidden: vec![8], ..Config::for_agents(3) };
+    let begin = |name: &str, seed| {
+        let lanes = Lanes::start(&setup, small.num_envs, small.last_actions, 1, &runtime_dir).unwrap();
+        let config = Config { seed, ..small.clone() };
+        Run::begin(&folder.join(name), config, &setup, lanes, 1).unwrap().checkpoint().unwrap();
+    };
+    begin("run", 1);
+    begin("other", 2);
+    std::fs::create_dir(folder.join("run/evaluations")).unwrap();
+    for (steps, of) in [(100, "run"), (200, "other")] {
+        let path = folder.join(format!("run/evaluations/{steps:012}.safetensors"));
+        std::fs::copy(folder.join(of).join(Weights::Last.file_name()), path).unwrap();
+    }
+}
+
+/// The table of evaluations of that run, with steps and sampled win rates.
+fn write_evaluations(folder: &std::path::Path, evaluations: &[(u64, f64)]) {
+    let line = |&(steps, win_rate): &(u64, f64)| {
+        let (sampled, greedy) = (Summary { win_rate, ..Summary::default() }, Summary::default());
+        let (trained_steps, updates, seconds, cpu_seconds) = (steps, 1, 1.0, 1.0);
+        EvaluationRow { steps, trained_steps, updates, greedy, sampled, seconds, cpu_seconds }.line()
+    };
+    let lines: String = evaluations.iter().map(line).collect();
+    let table = EvaluationRow::COLUMNS.join(",") + "\n" + &lines;
+    std::fs::write(folder.join("run/evaluations.csv"), table).unwrap();
+}
+
+/// A team chooses the actions of some episodes at once. Which these are must not depend on the threads, nor
+/// on how many episodes are wanted.
+#[test]
+fn threads_and_amounts_change_no_action_of_a_team() {
+    let folder = tempfile::tempdir().unwrap();
+    run_with_evaluations(folder.path());
+    write_evaluations(folder.path(), &[(100, 0.25), (200, 0.5)]);
+    let record = |quality, amount, threads| {
+        let source =
+            Source::Run { folder: folder.path().join("run"), quality: Some(quality), opponents: None };
+        let recording = Recording { source, amount, seed: 3, greedy: false, threads };
+        Dataset::record(&recording, &mut || false).unwrap()
+    };
+    for amount in [Amount::Episodes(150), Amount::Steps(9000)] {
+        let one = bytes_of(&record(Quality::Replay, amount, 1));
+        for threads in [2, 3, 8] {
+            assert!(
+                bytes_of(&record(Quality::Replay, amount, threads)) == one,
+                "{amount:?}, {threads} threads"
+            );
+        }
+    }
+    let all = record(Quality::Good, Amount::Episodes(70), 2);
+    for episodes in [1, 33, 69] {
+        let some = record(Quality::Good, Amount::Episodes(episodes), 2);
+        assert_eq!(some.episodes, all.episodes[..episodes]);
+        assert!(some.actions == all.actions[..some.actions.len()], "{episodes} of 70 episodes");
+    }
+}
+
+#[test]
+fn the_weights_of_evaluations_are_recorded_by_their_quality() {
+    let folder = tempfile::tempdir().unwrap();
+    run_with_evaluations(folder.path());
+    let record = |quality| {
+        let source = Source::Run { folder: folder.path().join("run"), quality, opponents: None };
+        let amount = Amount::Steps(400);
+        let recording = Recording { source, amount, seed: 3, greedy: false, threads: 2 };
+        Dataset::record(&recording, &mut || false)
+    };
+    let names = |dataset: &Dataset| -> Vec<String> {
+        dataset.policies().iter().map(|policy| policy.name.clone()).collect()
+    };
+    assert_eq!(names(&record(None).unwrap()), ["run/weights.safetensors"]);
+    let error = record(Some(Quality::Good)).unwrap_err().to_string();
+    assert!(error.contains("the run has no evaluations") && error.contains("leave --quality out"), "{error}");
+
+    write_evaluations(folder.path(), &[(100, 0.25), (200, 0.5)]);
+    let [good, medium] = [Quality::Good, Quality::Medium].map(|quality| record(Some(quality)).unwrap());
+    assert_eq!(names(&good), ["run/evaluations/000000000200.safetensors"]);
+    assert_eq!(names(&medium), ["run/evaluations/000000000100.safetensors"]);
+    assert!(good.actions != medium.actions);
+
+    let replay = record(Some(Quality::Replay)).unwrap();
+    let cards = &replay.card().policies;
+    assert_eq!(replay.policies()[0].sampled_win_rate, Some(0.25));
+    assert!(cards.iter().all(|card| card.steps >= 200 && card.steps < 200 + 60), "{cards:?}");
+    let of_episodes = |n| {
+        let source = Source::Run {
+            folder: folder.path().join("run"),
+            quality: Some(Quality::Replay),
+            opponents: None,
+        };
+        let recording = Recording { source, amount: Amount::Episodes(n), seed: 3, greedy: true, threads: 2 };
+        let dataset = Dataset::record(&recording, &mut || false).unwrap();
+        dataset.card().policies.iter().map(|card| card.episodes).collect::<Vec<_>>()
+    };
+    assert_eq!((of_episodes(7), of_episodes(1)), (vec![3, 4], vec![0, 1]));
+
+    let best = folder.path().join("run/best.safetensors");
+    std::fs::copy(folder.path().join("run/weights.safetensors"), best).unwrap();
+    assert_eq!(names(&record(None).unwrap()), ["run/best.safetensors"]);
+
+    let seeds: Vec<u64> = replay.episodes().iter().map(|episode| episode.seed).collect();
+    assert_eq!(seeds, (3..3 + seeds.len() as u64).collect::<Vec<_>>(), "no two episodes have the same seed");
+    assert_eq!(all(&read(&bytes_of(&replay)).unwrap(), 1), all(&replay, 2));
+}

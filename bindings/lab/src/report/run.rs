@@ -1,0 +1,230 @@
+//! A run as a report reads it: what it played, its evaluations and its final episodes.
+//!
+//! The folder is one of `smaclite-pool train --evaluate-every N`, or of another learner that writes the same
+//! `evaluations.csv`, `evaluation_episodes.csv` and `final.json`. Such a learner has `options.json` instead
+//! of `run.json`, an object with `scenario` (a name, or the path of a file) and `seed`; and with `rules`, if
+//! its battles were not played by those of SMAClite.
+
+use super::ReportError;
+use serde_json::Value;
+use smaclite_engine::{Rules, UnknownRules};
+use smaclite_learn::{
+    BothEpisodes, Choice, Episode, EvaluationFiles, EvaluationRow, FileError, FinalResult, RunDescription,
+    Summary, read_file,
+};
+use std::path::{Path, PathBuf};
+
+/// The file by which a folder is known to be that of a run of `smaclite-pool train`, and of another learner.
+const DESCRIPTIONS: [&str; 2] = ["run.json", "options.json"];
+
+/// How far a win rate may be from that of its episodes.
+const ROUNDING: f64 = 1e-6;
+
+/// How far a mean return or length may be from that of the episodes, as a share of it if it is above 1: other
+/// learners may round either of them.
+const COARSE_ROUNDING: f64 = 1e-2;
+
+/// An evaluation while a run trained.
+#[derive(Clone, Debug)]
+pub struct PlayedEvaluation {
+    /// Step count, means and times.
+    pub row: EvaluationRow,
+    episodes: BothEpisodes,
+}
+
+/// A complete run that was evaluated.
+#[derive(Clone, Debug)]
+pub struct EvaluatedRun {
+    /// Its folder.
+    pub folder: PathBuf,
+    /// The scenario's name, with `-paper` if it was played by those rules.
+    pub task: String,
+    /// Its seed.
+    pub seed: u64,
+    /// By step count; at least one.
+    pub evaluations: Vec<PlayedEvaluation>,
+    /// How its best weights play.
+    pub result: FinalResult,
+    /// The description, if `smaclite-pool train` made the run: then its weights can be played again.
+    pub(super) description: Option<RunDescription>,
+    /// What was played, and with which options, without the seed: what runs that are compared have in common.
+    pub(super) battles: Option<Value>,
+    pub(super) settings: Value,
+}
+
+impl PlayedEvaluation {
+    /// Its episodes.
+    pub fn episodes(&self, actions: Choice) -> &[Episode] {
+        &self.episodes[actions.index()]
+    }
+}
+
+impl EvaluatedRun {
+    /// Whether a folder is that of a run.
+    pub(super) fn is_in(folder: &Path) -> bool {
+        DESCRIPTIONS.iter().any(|name| folder.join(name).is_file())
+    }
+
+    /// Reads a run.
+    pub(super) fn read(folder: &Path) -> Result<EvaluatedRun, ReportError> {
+        if !EvaluationFiles::exist(folder) {
+            return Err(ReportError::NoEvaluations(folder.to_owned()));
+        }
+        let evaluations = read_evaluations(folder)?;
+        let incomplete = || ReportError::Incomplete(folder.to_owned());
+        let result = FinalResult::read(folder)?.ok_or_else(incomplete)?;
+        if result.greedy_episodes.is_empty() || result.sampled_episodes.is_empty() || evaluations.is_empty() {
+            return Err(incomplete());
+        }
+        check_final(folder, &result)?;
+        let folder = folder.to_owned();
+        let described = if folder.join(DESCRIPTIONS[0]).is_file() {
+            Described::by_program(&folder)?
+        } else {
+            Described::by_other(&folder.join(DESCRIPTIONS[1]))?
+        };
+        let Described { task, seed, description, battles, settings } = described;
+        Ok(EvaluatedRun { folder, task, seed, evaluations, result, description, battles, settings })
+    }
+
+    /// The step counts of its evaluations.
+    pub fn steps(&self) -> impl Iterator<Item = u64> {
+        self.evaluations.iter().map(|evaluation| evaluation.row.steps)
+    }
+
+    /// The final episodes.
+    pub fn final_episodes(&self, actions: Choice) -> &[Episode] {
+        match actions {
+            Choice::Greedy => &self.result.greedy_episodes,
+            Choice::Sampled => &self.result.sampled_episodes,
+        }
+    }
+}
+
+/// Rows with their episodes, which must agree.
+fn read_evaluations(folder: &Path) -> Result<Vec<PlayedEvaluation>, ReportError> {
+    let files = EvaluationFiles::of(folder);
+    let mut all_episodes = files.episodes()?;
+    let mut evaluations: Vec<PlayedEvaluation> = Vec::new();
+    for row in files.rows()? {
+        let steps = row.steps;
+        let damaged = |why| FileError::Damaged { path: folder.join("evaluations.csv"), why };
+        let found = all_episodes.iter().position(|(of, _)| *of == steps);
+        let episodes = found.map(|i| all_episodes.swap_remove(i).1).unwrap_or_default();
+        for (actions, summary) in Choice::BOTH.into_iter().zip([row.greedy, row.sampled]) {
+            let (of_kind, actions) = (&episodes[actions.index()], actions.name());
+            let none = of_kind.is_empty().then_some(("win rate", summary.win_rate, 0.0));
+            if let Some((what, said, played)) = none.or_else(|| difference(summary, of_kind)) {
+                let counted = of_kind.len();
+                let why = format!(
+                    "at {steps} steps it has the {what} {said} of {actions} episodes, and \
+                     evaluation_episodes.csv has {counted} episodes with {played}"
+                );
+                return Err(damaged(why).into());
+            }
+        }
+        evaluations.push(PlayedEvaluation { row, episodes });
+    }
+    Ok(evaluations)
+}
+
+/// Its means must be those of its episodes.
+fn check_final(folder: &Path, result: &FinalResult) -> Result<(), FileError> {
+    let damaged = |why| FileError::Damaged { path: FinalResult::path(folder), why };
+    let kinds = [(&result.greedy_episodes, result.greedy), (&result.sampled_episodes, result.sampled)];
+    for (actions, (episodes, summary)) in Choice::BOTH.into_iter().zip(kinds) {
+        let (actions, counted) = (actions.name(), episodes.len());
+        if let Some((what, said, played)) = difference(summary, episodes) {
+            let why = format!("its {actions} {what} is {said}, but that of its {counted} episodes {played}");
+            return Err(damaged(why));
+        }
+    }
+    Ok(())
+}
+
+/// A mean that is not that of the episodes: its name, what is said, and what was played.
+fn difference(said: Summary, episodes: &[Episode]) -> Option<(&'static str, f64, f64)> {
+    let played = Summary::of(episodes);
+    let coarse = |value: f64| COARSE_ROUNDING * value.abs().max(1.0);
+    let means = [
+        ("win rate", said.win_rate, played.win_rate, ROUNDING),
+        ("mean return", said.mean_return, played.mean_return, coarse(played.mean_return)),
+        ("mean length", said.mean_length, played.mean_length, coarse(played.mean_length)),
+    ];
+    let differs = means.into_iter().find(|(_, said, played, rounding)| (said - played).abs() > *rounding)?;
+    Some((differs.0, differs.1, differs.2))
+}
+
+/// What a description says.
+struct Described {
+    task: String,
+    seed: u64,
+    description: Option<RunDescription>,
+    battles: Option<Value>,
+    settings: Value,
+}
+
+impl Described {
+    fn by_program(folder: &Path) -> Result<Described, FileError> {
+        let description = RunDescription::read(folder)?;
+        let mut battles = read_object(&folder.join(DESCRIPTIONS[0]))?;
+        let mut settings = battles["config"].take();
+        ["config", "version"].into_iter().for_each(|name| without(&mut battles, name));
+        without(&mut settings, "seed");
+        without(&mut battles["files"], "source"); // where the file was, not what is in it
+        battles["enemies"] = settings["enemies"].clone();
+        let task = task_name(&description.name, description.setup.rules);
+        let (seed, description, battles) = (description.config.seed, Some(description), Some(battles));
+        Ok(Described { task, seed, description, battles, settings })
+    }
+
+    fn by_other(path: &Path) -> Result<Described, FileError> {
+        let damaged = |why| FileError::Damaged { path: path.to_owned(), why };
+        let mut settings = read_object(path)?;
+        let scenario = settings["scenario"].as_str().map(Path::new);
+        let name = scenario.map(|path| match path.extension() {
+            Some(suffix) if suffix == "json" => path.file_stem().unwrap_or_default(),
+            _ => path.as_os_str(),
+        });
+        let (Some(name), Some(seed)) = (name, settings["seed"].as_u64()) else {
+            return Err(damaged(
+                "expected an object with `scenario`, a text, and `seed`, a whole number".to_owned(),
+            ));
+        };
+        let rules: Rules = match settings.get("rules") {
+            None => Rules::default(),
+            Some(Value::String(rules)) => {
+                rules.parse().map_err(|error: UnknownRules| damaged(error.to_string()))?
+            }
+            Some(other) => {
+                return Err(damaged(format!(
+                    "`rules` must be `smaclite`, `paper` or `starcraft`, got {other}"
+                )));
+            }
+        };
+        let task = task_name(&name.to_string_lossy(), rules);
+        ["seed", "out"].into_iter().for_each(|name| without(&mut settings, name));
+        Ok(Described { task, seed, description: None, battles: None, settings })
+    }
+}
+
+/// Runs by different rules are not compared with each other.
+fn task_name(scenario: &str, rules: Rules) -> String {
+    match rules {
+        Rules::Smaclite => scenario.to_owned(),
+        Rules::Paper | Rules::Starcraft => format!("{scenario}-{rules}"),
+    }
+}
+
+fn without(object: &mut Value, name: &str) {
+    if let Some(object) = object.as_object_mut() {
+        object.remove(name);
+    }
+}
+
+fn read_object(path: &Path) -> Result<Value, FileError> {
+    let damaged = |why: String| FileError::Damaged { path: path.to_owned(), why };
+    let value: Value =
+        serde_json::from_slice(&read_file(path)?).map_err(|error| damaged(error.to_string()))?;
+    if value.is_object() { Ok(value) } else { Err(damaged("expected an object".to_owned())) }
+}

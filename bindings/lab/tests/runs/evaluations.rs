@@ -1,0 +1,294 @@
+//! Evaluations of runs while they train: they change no bit of the training, an interrupted run has the same
+//! ones, what was recorded can be verified, and the best weights are those that play.
+
+use crate::kit::{Place, check_resumed, complete, evaluated, evaluation, small};
+use smaclite_engine::Rules;
+use smaclite_lab::verify;
+use smaclite_learn::{
+    Algorithm, Config, Enemies, EvaluationRow, FinalResult, Lanes, NetworkKind, Run, SelfPlay, TrainedTeam,
+    Weights, resolve_scenario,
+};
+use std::fs;
+use std::io::Write;
+use std::path::Path;
+
+#[test]
+fn evaluations_change_no_bit_of_the_training() {
+    let place = Place::new();
+    place.train("without", &small(), 1);
+    place.train("with", &evaluated(), 1);
+    place.train("threads", &evaluated(), 3);
+    assert_eq!(place.outcome("with"), place.outcome("without"));
+    assert_eq!(place.outcome("with"), place.outcome("threads"));
+    assert_eq!(place.evaluations("with"), place.evaluations("threads"));
+    assert!(place.evaluations("without").is_empty());
+    let result = FinalResult::read(&place.path("with")).unwrap().unwrap();
+    assert_eq!((result.greedy_episodes.len(), result.sampled_episodes.len()), (320, 320));
+}
+
+/// The step counts are the same for every seed, although updates end at others.
+#[test]
+fn runs_are_evaluated_at_exact_step_counts() {
+    let place = Place::new();
+    for seed in [3, 4] {
+        let name = format!("{seed}");
+        let mut run = place.begin(&name, &Config { seed, ..evaluated() }, 1);
+        while run.update(&mut || false).unwrap().is_some() {}
+        let rows = run.evaluations();
+        assert!(rows.iter().map(|row| row.steps).eq([0, 400, 800, 930]), "{rows:?}");
+        // An update has at most 160 steps.
+        assert!(rows.iter().all(|row| (row.steps..row.steps + 160).contains(&row.trained_steps)), "{rows:?}");
+        let best = EvaluationRow::best(rows).unwrap();
+        let result = FinalResult::read(&place.path(&name)).unwrap().unwrap();
+        assert_eq!((result.steps, result.trained_steps), (best.steps, best.trained_steps));
+        let episodes = fs::read_to_string(place.path(&name).join("evaluation_episodes.csv")).unwrap();
+        assert_eq!(episodes.lines().count(), 1 + 4 * 64);
+    }
+    assert_ne!(place.evaluations("3"), place.evaluations("4"));
+}
+
+#[test]
+fn a_resumed_run_has_the_evaluations_of_the_uninterrupted_one() {
+    check_resumed(
+        &Config { steps: 34 * 158, epochs: 1, evaluate_every: Some(700), ..small() },
+        &Place::new(),
+    );
+}
+
+/// A run that was killed after its checkpoint, and is resumed with another number of steps, could not play
+/// the best evaluation again. Its best weights are those of a row that it has.
+#[test]
+fn the_best_weights_are_those_of_a_row() {
+    let place = Place::new();
+    let mut run = place.begin("run", &evaluated(), 1);
+    let path = place.path("run");
+    run.update(&mut || false).unwrap();
+    run.checkpoint().unwrap();
+    let error = verify(&path, 0, 1, &mut || false).unwrap_err().to_string();
+    assert!(error.contains("has no final episodes (final.json), as it is not complete"), "{error}");
+    assert_eq!(verify(&path, 1, 1, &mut || false).unwrap().evaluations, 1);
+    let first = fs::read(path.join("evaluations/000000000000.safetensors")).unwrap();
+    while run.update(&mut || false).unwrap().is_some() {}
+    drop(run);
+    fs::write(path.join("best.safetensors"), fs::read(path.join("weights.safetensors")).unwrap()).unwrap();
+    let run = Run::resume(&path, Some(300), place.lanes(10, 1), 1).unwrap();
+    assert!(run.evaluations().iter().map(|row| row.steps).eq([0]));
+    assert!(!path.join("final.json").exists());
+    assert_eq!(fs::read_dir(path.join("evaluations")).unwrap().count(), 1);
+    assert_eq!(fs::read(path.join("best.safetensors")).unwrap(), first);
+    complete(run);
+    assert!(verify(&path, usize::MAX, 1, &mut || false).unwrap().is_final);
+    // Extended: the evaluation at the old end, 300, stays.
+    complete(Run::resume(&path, Some(930), place.lanes(10, 1), 1).unwrap());
+    assert_eq!(verify(&path, usize::MAX, 1, &mut || false).unwrap().evaluations, 5);
+}
+
+#[test]
+fn recorded_evaluations_are_played_again_to_the_bit() {
+    let place = Place::new();
+    place.train("run", &evaluated(), 1);
+    let path = place.path("run");
+    let verified = verify(&path, 2, 2, &mut || false).unwrap();
+    assert_eq!((verified.evaluations, verified.is_final, verified.episodes), (2, true, 128 + 640));
+
+    let episodes = path.join("evaluation_episodes.csv");
+    let text = fs::read_to_string(&episodes).unwrap();
+    let line = text.lines().find(|line| line.starts_with("800,sampled,7,")).unwrap();
+    let fields: Vec<&str> = line.split(',').collect();
+    let longer = [&fields[..4], &["61", fields[5]]].concat().join(",");
+    fs::write(&episodes, text.replace(line, &longer)).unwrap();
+    let error = verify(&path, usize::MAX, 1, &mut || false).unwrap_err().to_string();
+    assert!(error.contains("evaluation at 800 steps, sampled episode 7: recorded return"), "{error}");
+    assert!(error.contains("61 steps") && error.contains("vector instructions"), "{error}");
+
+    fs::write(&episodes, &text).unwrap();
+    fs::copy(
+        path.join("evaluations/000000000000.safetensors"),
+        path.join("evaluations/000000000800.safetensors"),
+    )
+    .unwrap();
+    let error = verify(&path, usize::MAX, 1, &mut || false).unwrap_err().to_string();
+    assert!(error.contains("the evaluation at 800 steps"), "{error}");
+
+    // What only reads a run wrote a folder into it, and needed the permission to.
+    fs::remove_dir_all(path.join("evaluations")).unwrap();
+    verify(&path, 1, 1, &mut || false).unwrap_err();
+    assert!(!path.join("evaluations").exists());
+
+    place.train("without", &small(), 1);
+    let error = verify(&place.path("without"), 1, 1, &mut || false).unwrap_err().to_string();
+    assert!(error.contains("has no evaluations; `train --evaluate-every N` makes them"), "{error}");
+}
+
+/// Lets a change to a file of a run be verified, and returns the error.
+fn error_after(path: &Path, file: &str, change: impl Fn(Vec<u8>) -> Vec<u8>) -> String {
+    let file = path.join(file);
+    let before = fs::read(&file).unwrap();
+    let after = change(before.clone());
+    assert_ne!(before, after, "the change must change {}", file.display());
+    fs::write(&file, after).unwrap();
+    let error = verify(path, usize::MAX, 1, &mut || false).unwrap_err().to_string();
+    fs::write(&file, before).unwrap();
+    error
+}
+
+/// Numbers, weights, episodes that were left out, and weights that were chosen by their final episodes.
+#[test]
+fn every_change_to_the_results_is_found() {
+    let place = Place::new();
+    place.train("run", &evaluated(), 1);
+    let path = place.path("run");
+    let text = |change: fn(&str) -> String| {
+        move |bytes: Vec<u8>| change(&String::from_utf8(bytes).unwrap()).into_bytes()
+    };
+    let check = |error: String, expected: &str| assert!(error.contains(expected), "{error}");
+
+    let other_mean = text(|rows| {
+        let line = rows.lines().find(|line| line.starts_with("400,")).unwrap();
+        let mut fields: Vec<&str> = line.split(',').collect();
+        fields[7] = "19.5"; // sampled_mean_return
+        rows.replace(line, &fields.join(","))
+    });
+    check(error_after(&path, "evaluations.csv", other_mean), "the evaluation at 400 steps, sampled means");
+    let no_row = text(|rows| rows.replacen("\n400,", "\nmany,", 1));
+    check(error_after(&path, "evaluations.csv", no_row), "line 3 is `many,");
+    for steps in ["0", "400", "930"] {
+        let without_row = |bytes: Vec<u8>| {
+            let rows = String::from_utf8(bytes).unwrap();
+            let stays = |line: &&str| !line.starts_with(&format!("{steps},"));
+            let rest: String = rows.lines().filter(stays).map(|line| line.to_owned() + "\n").collect();
+            rest.into_bytes()
+        };
+        let error = error_after(&path, "evaluations.csv", without_row);
+        check(error, &format!("it has no evaluation at {steps} steps, but run.json says"));
+    }
+    let other_columns = text(|rows| rows.replacen("steps,", "step,", 1));
+    check(error_after(&path, "evaluations.csv", other_columns), "its first line is `step,trained_steps");
+    let without_one = text(|rows| {
+        let stays = |line: &&str| !line.starts_with("400,greedy,31,");
+        rows.lines().filter(stays).map(|line| line.to_owned() + "\n").collect()
+    });
+    let error = error_after(&path, "evaluation_episodes.csv", without_one);
+    check(error, "the evaluation at 400 steps has 31 greedy episodes, but 32 are played");
+
+    let one_weight = |mut bytes: Vec<u8>| {
+        *bytes.last_mut().unwrap() ^= 1;
+        bytes
+    };
+    let error = error_after(&path, "evaluations/000000000400.safetensors", one_weight);
+    check(error, "000000000400.safetensors` is damaged or not a file of a run: its checksum differs");
+    let result = FinalResult::read(&path).unwrap().unwrap();
+    let other = if result.steps == 0 { "000000000400" } else { "000000000000" };
+    let of_other = fs::read(path.join(format!("evaluations/{other}.safetensors"))).unwrap();
+    let error = error_after(&path, "best.safetensors", |_| of_other.clone());
+    check(error, "best.safetensors has other weights than the evaluation at");
+    let later = |bytes: Vec<u8>| {
+        let mut result: serde_json::Value = serde_json::from_slice(&bytes).unwrap();
+        result["steps"] = 1.into();
+        result.to_string().into_bytes()
+    };
+    check(error_after(&path, "final.json", later), "final.json is of 1 steps, but the best evaluation is at");
+    let won = |bytes: Vec<u8>| {
+        let mut result: serde_json::Value = serde_json::from_slice(&bytes).unwrap();
+        let episode = &mut result["sampled_episodes"][319];
+        episode["won"] = (!episode["won"].as_bool().unwrap()).into();
+        result.to_string().into_bytes()
+    };
+    check(error_after(&path, "final.json", won), "the final evaluation, sampled episode 319");
+    let shorter = |bytes: Vec<u8>| {
+        let mut result: serde_json::Value = serde_json::from_slice(&bytes).unwrap();
+        result["run_steps"] = 800.into();
+        result.to_string().into_bytes()
+    };
+    check(
+        error_after(&path, "final.json", shorter),
+        "final.json is of a run of 800 steps, but run.json says",
+    );
+    verify(&path, usize::MAX, 1, &mut || false).unwrap();
+}
+
+/// A process that was killed leaves rows of evaluations after its checkpoint, a part of a line, and weights
+/// of an evaluation without a row.
+#[test]
+fn half_an_evaluation_is_played_again() {
+    let place = Place::new();
+    place.train("whole", &evaluated(), 1);
+    let mut run = place.begin("killed", &evaluated(), 1);
+    let path = place.path("killed");
+    for _ in 0..4 {
+        run.update(&mut || false).unwrap();
+    }
+    assert!(run.evaluations().len() > 1);
+    drop(run); // the only checkpoint is that of the beginning
+    let append = |name: &str, text: &str| {
+        let mut file = fs::OpenOptions::new().append(true).open(path.join(name)).unwrap();
+        file.write_all(text.as_bytes()).unwrap();
+    };
+    append("evaluation_episodes.csv", "800,greedy,0,1.5,20,0\n800,greedy,1,1.");
+    append("evaluations.csv", "800,81");
+    fs::copy(path.join("weights.safetensors"), path.join("evaluations/000000000800.safetensors")).unwrap();
+    fs::copy(path.join("weights.safetensors"), path.join("best.safetensors")).unwrap();
+    complete(Run::resume(&path, None, place.lanes(10, 1), 1).unwrap());
+    assert_eq!(place.outcome("killed"), place.outcome("whole"));
+    assert!(place.evaluations("killed") == place.evaluations("whole"));
+}
+
+/// A folder without run.json is that of no run, but one that began in it kept the best weights of the old
+/// one, and these played.
+#[test]
+fn a_run_that_begins_has_no_best_weights_of_another() {
+    let place = Place::new();
+    place.train("run", &evaluated(), 1);
+    let path = place.path("run");
+    fs::remove_file(path.join("run.json")).unwrap();
+    fs::write(path.join("evaluations/notes.txt"), "not a file of a run").unwrap();
+    drop(place.begin("run", &Config { seed: 4, ..small() }, 1));
+    for name in ["evaluations.csv", "evaluation_episodes.csv", "best.safetensors", "final.json"] {
+        assert!(!path.join(name).exists(), "{name}");
+    }
+    let kept: Vec<_> = fs::read_dir(path.join("evaluations")).unwrap().collect();
+    assert!(kept.len() == 1 && path.join("evaluations/notes.txt").exists(), "{kept:?}");
+    assert_eq!(place.evaluate("run", 3).0.weights, Weights::Last);
+}
+
+#[test]
+fn the_best_weights_play_where_there_are_some() {
+    let place = Place::new();
+    place.train("run", &evaluated(), 1);
+    let path = place.path("run");
+    // Marks the best weights, so that they are told from the last.
+    fs::copy(path.join("evaluations/000000000000.safetensors"), path.join("best.safetensors")).unwrap();
+    let returns = |weights| {
+        let evaluation = smaclite_learn::Evaluation { weights, ..evaluation(20) };
+        let ignore = &mut |_: smaclite_learn::EvaluationEvent<'_>| {};
+        smaclite_learn::evaluate(&path, evaluation, &place.runtime_dir, &mut || false, ignore).unwrap()
+    };
+    let [default, best, last] = [None, Some(Weights::Best), Some(Weights::Last)].map(returns);
+    assert_eq!(default, best);
+    assert_eq!((best.weights, last.weights), (Weights::Best, Weights::Last));
+    assert_ne!(best.mean_return, last.mean_return);
+
+    place.train("against", &Config { enemies: Enemies::Team { folder: path.clone() }, ..evaluated() }, 1);
+    let copied = fs::read(place.path("against/opponent/weights.safetensors")).unwrap();
+    assert_eq!(copied, fs::read(path.join("best.safetensors")).unwrap());
+    assert!(verify(&place.path("against"), 1, 1, &mut || false).unwrap().is_final);
+
+    let enemies = Enemies::SelfPlay(SelfPlay::ALONE);
+    place.train("self", &Config { enemies, ..evaluated() }, 1);
+    assert!(place.path("self/best.safetensors").exists());
+    TrainedTeam::open(&place.path("self")).unwrap();
+    assert_eq!(place.evaluate("self", 3).0.weights, Weights::Last);
+}
+
+/// Figures of types are those of the rules, in lanes and where the folder of the run is read.
+#[test]
+fn a_universal_team_of_other_rules_is_evaluated_and_verified() {
+    let place = Place::new();
+    let setup = resolve_scenario("2s3z", Rules::Starcraft).unwrap();
+    let universal = evaluated().with_network(NetworkKind::Universal);
+    let config = Config { hidden: vec![8, 16], algorithm: Algorithm::Mappo, ..universal };
+    let lanes = Lanes::start(&setup, config.num_envs, config.last_actions, 1, &place.runtime_dir).unwrap();
+    complete(Run::begin(&place.path("run"), config, &setup, lanes, 1).unwrap());
+    let verified = verify(&place.path("run"), usize::MAX, 1, &mut || false).unwrap();
+    assert!(verified.is_final && verified.evaluations == 4, "{verified:?}");
+}
