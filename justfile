@@ -163,14 +163,24 @@ soak seed="1": (chaos "15" seed)
 loom $RUSTFLAGS="--cfg loom":
     cargo test --profile loom -p smaclite-pool --target-dir target/loom loom_tests
 
+fuzz_targets := "scenario_file unit_file replay_file snapshot request frame"
+
 # Fuzz all code that reads data of other programs, SECONDS per target (installs cargo-fuzz; stable Rust works)
 fuzz seconds="60" $RUSTC_BOOTSTRAP="1":
     @command -v cargo-fuzz >/dev/null || RUSTC_BOOTSTRAP=0 cargo install --locked cargo-fuzz
-    for target in scenario_file unit_file replay_file snapshot request frame; do \
+    for target in {{ fuzz_targets }}; do \
         mkdir -p tests/fuzz/corpus/$target || exit; \
+        {{ python }} tests/inputs/corpus.py unpack $target || exit; \
         cargo fuzz run --fuzz-dir tests/fuzz --release --debug-assertions $target \
-            tests/fuzz/corpus/$target tests/fuzz/seeds/$target -- \
+            tests/fuzz/corpus/$target tests/inputs/seeds/$target -- \
             -max_total_time={{ seconds }} -dict=tests/fuzz/json.dict -verbosity=0 -print_final_stats=1 || exit; \
+    done
+
+# Keep what `just fuzz` found for the tests: the fewest inputs that reach as much code
+fuzz-corpus $RUSTC_BOOTSTRAP="1":
+    for target in {{ fuzz_targets }}; do \
+        cargo fuzz cmin --fuzz-dir tests/fuzz --release --debug-assertions $target tests/fuzz/corpus/$target || exit; \
+        {{ python }} tests/inputs/corpus.py pack $target || exit; \
     done
 
 # Test engine and pool with valgrind: uninitialised or out-of-bounds reads, leaks

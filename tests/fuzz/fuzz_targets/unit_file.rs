@@ -1,31 +1,8 @@
-//! Any text as a unit file: it is refused with a reason, or battles with such units, and with others, can be
-//! stepped.
 #![no_main]
 
+#[path = "../../inputs/unit_file.rs"]
+mod unit_file;
+#[path = "../../inputs/steps.rs"]
 mod steps;
 
-use libfuzzer_sys::{Corpus, fuzz_target};
-use smaclite_scenarios::Scenario;
-use smaclite_units::UnitType;
-
-fuzz_target!(|bytes: &[u8]| -> Corpus {
-    let Ok(text) = std::str::from_utf8(bytes) else { return Corpus::Reject };
-    match UnitType::from_json(text, "FUZZED", "fuzzed.json") {
-        Ok(unit) => {
-            // Near enough to fight in the first step: the stalkers of one side against the zealots of the
-            // other, one of the two types fuzzed.
-            let mut scenario = Scenario::standard("2s3z").expect("a standard scenario");
-            scenario.unit_types[0] = unit;
-            for (i, placement) in scenario.units.iter_mut().enumerate() {
-                placement.position = [14.0 + (i % 3) as f64, 15.0 + (i / 3) as f64];
-            }
-            steps::run(&scenario);
-        }
-        Err(error) => {
-            let text = error.to_string();
-            assert!(text.lines().count() <= 101, "{text:?}");
-            assert!(text.lines().all(|line| line.starts_with("fuzzed.json:")), "{text:?}");
-        }
-    }
-    Corpus::Keep
-});
+libfuzzer_sys::fuzz_target!(|bytes: &[u8]| unit_file::run(bytes));
