@@ -101,17 +101,20 @@ published *args:
 demo *args: install
     {{ python }} -m smaclite_pool.examples.random_policy {{ args }}
 
+# Programs are named without their packages (`-p`): cargo would choose features for that package alone, and compile what
+# the tests have built once more.
+#
 # Measure steps per second (`just bench --help` for the options)
 bench *args:
-    cargo run --release --quiet -p smaclite-cli -- bench {{ args }}
+    cargo run --release --quiet --bin smaclite-pool -- bench {{ args }}
 
 # Measure: transport, efficiency, asynchronous, many, branching, engine, instructions (benches/README.md), policies, symmetry (docs)
 figures *args:
-    cargo run --release --quiet -p smaclite-benches -- {{ args }}
+    cargo run --release --quiet --bin smaclite-benches -- {{ args }}
 
 # Measure what a step costs in Python beyond the Rust client (--help for the options)
 python-share *args: install
-    cargo build --release --quiet -p smaclite-cli
+    cargo build --release --quiet --bin smaclite-pool
     {{ python }} benches/python_share.py --program {{ justfile_directory() }}/target/release/smaclite-pool {{ args }}
 
 # Fail if the engine executes over 3 % more instructions than recorded (Debian: apt install valgrind)
@@ -140,7 +143,7 @@ pictures := justfile_directory() / "docs/pictures"
 
 # Draw the pictures of the documentation, in docs/pictures (Debian: apt install chromium)
 pictures: install
-    cargo build --release --quiet -p smaclite-cli
+    cargo build --release --quiet --bin smaclite-pool
     mkdir -p {{ pictures }}
     for map in $({{ program }} scenarios | tail -n +2 | cut -d ' ' -f 1); do \
         {{ program }} show $map --png {{ pictures }}/$map.png --size 448x448 || exit; \
@@ -154,7 +157,7 @@ pictures: install
 
 # Kill, stop and restart pool processes at random; exit status 0 if every invariant held
 chaos minutes seed:
-    cargo run --release --quiet -p smaclite-tests --bin chaos -- {{ minutes }} {{ seed }}
+    cargo run --release --quiet --bin chaos -- {{ minutes }} {{ seed }}
 
 # Run the chaos test for 15 minutes, long enough to detect slow growth
 soak seed="1": (chaos "15" seed)
@@ -294,7 +297,7 @@ _playground:
 
 # Test that the playground plays recorded battles to the bit, and its size (Node.js; SMACLITE_TRACES as above)
 test-playground: _node playground
-    cargo run --release --quiet -p smaclite-tests --bin golden_replays -- target/playground/golden
+    cargo run --release --quiet --bin golden_replays -- target/playground/golden
     node --test pool/playground/page/engine.test.js
 
 # Build the documentation site in site/, with the playground if it can be built

@@ -44,6 +44,6 @@ if command -v wasm-opt >/dev/null; then
 else
     cp "$built" $engine
 fi
-# The team of the zoo that plays every map.
-"$cargo" run --release --quiet --package smaclite-playground -- \
+# With the team of the zoo that plays every map. Named without its package, the program shares the builds of all others.
+"$cargo" run --release --quiet --bin smaclite-playground -- \
     $engine target/playground/battle.html bindings/learn/zoo/all-maps
