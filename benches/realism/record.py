@@ -33,7 +33,9 @@ def record(envs: sp.Envs, batch: sp.Batch, actor: Actor) -> list[dict[str, Any]]
     """The battles of all environments, from this batch to their ends; it has all of `FIELDS`."""
     about = sp.scenario(envs)
     if about["teams_are_drawn"]:
-        raise sp.InvalidRequest("recordings are of maps whose teams are fixed; those of this map are drawn")
+        raise sp.errors.InvalidRequest(
+            "recordings are of maps whose teams are fixed; those of this map are drawn"
+        )
     healers = [unit["healer"] for unit in about["allies"]]
     columns = Columns(batch.snapshot[0])
     places = columns.read(batch.snapshot, "pos")
@@ -103,7 +105,7 @@ def main(argv: list[str] | None = None) -> int:
             battles = record(envs, envs.reset(seed=options.seed), team)
             recording = {"map": team.scenario, "version": envs.rules, "battles": battles}
         path = write(recording, options.folder / f"{Path(team.scenario).stem}.json.gz")
-    except (sp.PoolError, OSError) as error:
+    except (sp.errors.PoolError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
     print(path)

@@ -66,7 +66,7 @@ class Run:
                 return True
             options: Any = Setting(self.rules, "3m", self.threads).options()
             sp.make("3m", 1, **options).close()
-        except (sp.PoolError, ValueError, ImportError) as error:
+        except (sp.errors.PoolError, ValueError, ImportError) as error:
             self.tell(str(error))
             return False
         return True
@@ -91,7 +91,7 @@ class Run:
                     for each in player.cast.skipped:
                         self.tell(f"{each.file}: battle {each.number} has other units than {name}")
                     of(name, player)
-            except (sp.PoolError, ValueError) as error:
+            except (sp.errors.PoolError, ValueError) as error:
                 self.tell(f"{name}: {error}")
 
     def freely(self) -> Tables:

@@ -1,6 +1,6 @@
 """Packs the inputs that fuzzing found, and unpacks them for more fuzzing: `corpus.py pack|unpack TARGET`.
 
-`tests/fuzz/corpus` is the fuzzers' own; `tests/inputs/corpus` has an archive per target, which the tests read.
+`tests/fuzz/corpus` is the fuzzers' own; `tests/inputs/corpus` has an archive per target, for the tests.
 """
 
 import sys

@@ -13,7 +13,7 @@ import smaclite_pool as sp
 ONE_SIDE_HAS_SHIELDS = "2s_vs_1sc"
 
 
-def nearest(view: sp.AgentView) -> str | int:
+def nearest(view: sp.extras.AgentView) -> str | int:
     """Attacks or heals the nearest unit, or goes east."""
     targets = [unit.action for unit in view.enemies + view.allies if unit.action]
     return targets[0] if targets else view.actions.get("move east", view.actions["stop"])
@@ -25,7 +25,7 @@ def nearest(view: sp.AgentView) -> str | int:
 def test_rows_of_units_hold_every_feature_of_observations(name: str) -> None:
     layout = {part["name"]: part for part in sp.scenario(name)["obs_layout"]}
     with sp.make(name, 3, obs_last_actions=1) as envs:
-        entities = sp.Entities(envs)
+        entities = sp.extras.Entities(envs)
         n_others = envs.n_agents + envs.n_enemies - 1
         batch = envs.reset(seed=1)
         seen = 0
@@ -55,11 +55,11 @@ def test_rows_of_units_hold_every_feature_of_observations(name: str) -> None:
 
 
 def test_only_rows_of_equal_width_are_a_view() -> None:
-    assert sp.Entities("2s3z").is_view
-    assert sp.Entities("MMM").is_view
+    assert sp.extras.Entities("2s3z").is_view
+    assert sp.extras.Entities("MMM").is_view
     info = sp.scenario("3s_vs_5z")
-    assert info["ally_has_shields"] == info["enemy_has_shields"] == sp.Entities("3s_vs_5z").is_view
-    differ = [n for n in sp.scenarios() if not sp.Entities(n).is_view]
+    assert info["ally_has_shields"] == info["enemy_has_shields"] == sp.extras.Entities("3s_vs_5z").is_view
+    differ = [n for n in sp.scenarios() if not sp.extras.Entities(n).is_view]
     assert differ
     for name in differ:
         info = sp.scenario(name)
@@ -68,7 +68,7 @@ def test_only_rows_of_equal_width_are_a_view() -> None:
 
 def test_rows_of_states_are_the_units_of_the_battle() -> None:
     with sp.make("MMM2", 2, seed=0) as envs:
-        entities = sp.Entities(envs)
+        entities = sp.extras.Entities(envs)
         batch = envs.reset(seed=1)
         for _ in range(80):
             batch = envs.step(envs.sample_actions())
@@ -80,7 +80,7 @@ def test_rows_of_states_are_the_units_of_the_battle() -> None:
         assert rows[:, : envs.n_agents, cooldown].any() and not rows[:, envs.n_agents :, cooldown].any()
 
 
-class AppendsOne(sp.Wrapper):
+class AppendsOne(sp.extras.Wrapper):
     """Changes observations, which rows of units do not allow."""
 
     def change_batch(self, batch: Any) -> Any:
@@ -91,29 +91,33 @@ def test_rows_of_another_scenario_are_refused() -> None:
     """A batch of 8m was cut into rows as if it were one of 3m, without a word."""
     with sp.make("8m", 2) as other, sp.make("3m", 2, obs_last_actions=1) as envs:
         batch = other.reset(seed=1)
-        for entities in (sp.Entities("3m"), sp.Entities(envs)):
-            with pytest.raises(sp.InvalidRequest, match=r"of 3m .*, \[M, 3, \d+\], got \[2, 8, 80\]"):
+        for entities in (sp.extras.Entities("3m"), sp.extras.Entities(envs)):
+            with pytest.raises(sp.errors.InvalidRequest, match=r"of 3m .*, \[M, 3, \d+\], got \[2, 8, 80\]"):
                 entities(batch)
-            with pytest.raises(sp.InvalidRequest, match=r"states must be those of 3m .*\[M, 48\], got \[2, "):
+            with pytest.raises(
+                sp.errors.InvalidRequest, match=r"states must be those of 3m .*\[M, 48\], got \[2, "
+            ):
                 entities.state(batch)
-        assert sp.Entities(envs)(envs.reset(seed=1)).own.shape[-1] == 1 + 9, "the last actions belong to it"
-        with pytest.raises(sp.InvalidRequest, match=r"\[M, 3, 30\], got \[2, 3, 39\]"):
-            sp.Entities("3m")(envs.reset(seed=1))
+        assert sp.extras.Entities(envs)(envs.reset(seed=1)).own.shape[-1] == 1 + 9, (
+            "the last actions belong to it"
+        )
+        with pytest.raises(sp.errors.InvalidRequest, match=r"\[M, 3, 30\], got \[2, 3, 39\]"):
+            sp.extras.Entities("3m")(envs.reset(seed=1))
         appended = AppendsOne(envs)
-        with pytest.raises(sp.InvalidRequest, match=r"\[M, 3, 39\], got \[2, 3, 40\]"):
-            sp.Entities(appended)(appended.reset(seed=1))
+        with pytest.raises(sp.errors.InvalidRequest, match=r"\[M, 3, 39\], got \[2, 3, 40\]"):
+            sp.extras.Entities(appended)(appended.reset(seed=1))
 
 
 def test_scenarios_without_units_in_observations_are_refused() -> None:
     options = {"obs_starcraft": False, "obs_timestep_number": True}
     with sp.make("3m", 1, smacv2=options) as envs:
-        for of_units in (sp.Entities, sp.AgentViews):
-            with pytest.raises(sp.InvalidRequest, match="obs_starcraft"):
+        for of_units in (sp.extras.Entities, sp.extras.AgentViews):
+            with pytest.raises(sp.errors.InvalidRequest, match="obs_starcraft"):
                 of_units(envs)
     with sp.make("3m", 1, smacv2={"obs_instead_of_state": True}) as envs:
-        entities, batch = sp.Entities(envs), envs.reset(seed=1)
+        entities, batch = sp.extras.Entities(envs), envs.reset(seed=1)
         assert entities(batch).features.shape == (1, 3, 5, 5)
-        with pytest.raises(sp.InvalidRequest, match="obs_instead_of_state"):
+        with pytest.raises(sp.errors.InvalidRequest, match="obs_instead_of_state"):
             entities.state(batch)
 
 
@@ -121,13 +125,13 @@ def test_a_view_says_what_the_observation_has() -> None:
     """Distances and directions are compared with the positions in the state."""
     info = sp.scenario("MMM")
     with sp.make("MMM", 2) as envs:
-        views = sp.AgentViews(envs)
-        policy = sp.PerAgent(envs, nearest)
+        views = sp.extras.AgentViews(envs)
+        policy = sp.extras.PerAgent(envs, nearest)
         batch = envs.reset(seed=1)
         compared = healed = attacked = 0
         for _ in range(60):
             batch = envs.step(policy(batch))
-            rows, alive = sp.Entities(envs).state(batch)
+            rows, alive = sp.extras.Entities(envs).state(batch)
             squares = rows[..., [2, 3]] * [info["width"], info["height"]]
             for agent in np.flatnonzero(batch.alive[1]):
                 view = views(batch, env=1, agent=int(agent))
@@ -154,19 +158,19 @@ def test_a_view_says_what_the_observation_has() -> None:
 def test_a_view_in_words() -> None:
     with sp.make("2s3z", 1) as envs:
         batch = envs.reset(seed=1)
-        text = sp.AgentViews(envs).describe(batch, env=0, agent=4)
+        text = sp.extras.AgentViews(envs).describe(batch, env=0, agent=4)
         lines = text.splitlines()
         assert lines[0] == "Step 0 of 120. You are agent 4, a ZEALOT with health 100 %, shield 100 %."
         assert "Enemies in sight: none." in lines and "Allies in sight:" in lines
         assert lines[-1].startswith("Available actions: stop, move ")
         for env, agent, message in [(1, 0, "env must be in the batch"), (0, 5, "between 0 and 4")]:
-            with pytest.raises(sp.InvalidRequest, match=message):
-                sp.AgentViews(envs)(batch, env=env, agent=agent)
+            with pytest.raises(sp.errors.InvalidRequest, match=message):
+                sp.extras.AgentViews(envs)(batch, env=env, agent=agent)
 
 
 def test_directions_are_those_of_a_compass() -> None:
     def direction(dx: float, dy: float) -> str:
-        return sp.SeenUnit("enemy 0", "ZEALOT", math.hypot(dx, dy), dx, dy, 1.0, None, None).direction
+        return sp.extras.SeenUnit("enemy 0", "ZEALOT", math.hypot(dx, dy), dx, dy, 1.0, None, None).direction
 
     assert [direction(1, 0), direction(0, 1), direction(-1, 0), direction(0, -1)] == [
         "east", "north", "west", "south",
@@ -179,7 +183,7 @@ def test_types_that_are_drawn_come_from_the_observation() -> None:
     with sp.make(name, 4, fields=["obs", "avail_actions", "episode_length", "snapshot", "level"]) as envs:
         names = [unit["unit_type"] for unit in sp.scenario(envs)["unit_types"]]
         batch = envs.reset(seed=1)
-        views = sp.AgentViews(envs)
+        views = sp.extras.AgentViews(envs)
         for env in range(4):
             for agent in range(envs.n_agents):
                 drawn = names[int(batch.level[env, agent, 0])]
@@ -190,7 +194,7 @@ def test_types_that_are_drawn_come_from_the_observation() -> None:
 def test_a_function_plays_as_the_same_policy_does(autoreset: Any) -> None:
     """A function of views chooses what it would choose of the arrays: in every step of every episode."""
 
-    def lowest(view: sp.AgentView) -> int:
+    def lowest(view: sp.extras.AgentView) -> int:
         assert view.step == 0 or view.step < 60
         return max(view.actions.values())
 
@@ -198,34 +202,36 @@ def test_a_function_plays_as_the_same_policy_does(autoreset: Any) -> None:
         expected = sp.evaluate(
             envs, lambda b: b.avail_actions.shape[-1] - 1 - b.avail_actions[..., ::-1].argmax(-1), 12, seed=5
         )
-    function = sp.evaluate_function(
+    function = sp.extras.evaluate_function(
         "3s_vs_5z", lambda view: max(view.actions.values()), 12, seed=5, num_envs=4, autoreset_mode=autoreset
     )
     assert np.array_equal(function.returns, expected.returns) and len(function) == 12
     assert np.array_equal(function.lengths, expected.lengths)
     with sp.make("3s_vs_5z", 4, autoreset_mode=autoreset, episode_limit=60) as envs:
-        assert len(sp.evaluate(envs, sp.PerAgent(envs, lowest), 12, seed=5)) == 12
+        assert len(sp.evaluate(envs, sp.extras.PerAgent(envs, lowest), 12, seed=5)) == 12
 
 
 def test_a_function_is_evaluated_in_one_call(tmp_path: Path) -> None:
-    result = sp.evaluate_function("3m", nearest, episodes=20, opponent="random")
+    result = sp.extras.evaluate_function("3m", nearest, episodes=20, opponent="random")
     assert len(result) == 20 and result.win_rate >= 0.9
-    again = sp.evaluate_function("3m", nearest, episodes=20, opponent="random")
+    again = sp.extras.evaluate_function("3m", nearest, episodes=20, opponent="random")
     assert np.array_equal(result.returns, again.returns)
 
 
 @pytest.mark.parametrize("action", ["attack enemy 0", 6.9, 1.0, None, 2**40, -1, 9, np.float32(1), [1], "1"])
 def test_a_wrong_action_of_a_function_is_an_error_that_says_what_is_available(action: Any) -> None:
     """6.9 was 6, another legal action; others were errors of Python and NumPy that named no agent."""
-    with pytest.raises(sp.InvalidRequest) as raised:
-        sp.evaluate_function("3m", lambda view: action, episodes=1)
+    with pytest.raises(sp.errors.InvalidRequest) as raised:
+        sp.extras.evaluate_function("3m", lambda view: action, episodes=1)
     expected = f"action {action!r} of agent 0 in environment 0 must be one of its available actions"
     assert str(raised.value).startswith(expected) and "'stop': 1, 'move north': 2" in str(raised.value)
 
 
 def test_a_number_is_any_integer_and_checked_when_it_is_played() -> None:
     numbers: list[Any] = [1, np.int64(1), np.uint8(1), np.array(1)]
-    result = sp.evaluate_function("3m", lambda view: numbers[view.step], 1, num_envs=1, episode_limit=4)
+    result = sp.extras.evaluate_function(
+        "3m", lambda view: numbers[view.step], 1, num_envs=1, episode_limit=4
+    )
     assert result.mean_length == 4
-    with pytest.raises(sp.IllegalAction, match="agent 0"):
-        sp.evaluate_function("3m", lambda view: 8, episodes=1)
+    with pytest.raises(sp.errors.IllegalAction, match="agent 0"):
+        sp.extras.evaluate_function("3m", lambda view: 8, episodes=1)

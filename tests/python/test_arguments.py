@@ -122,7 +122,7 @@ def refusal(use: Callable[[Any], Any], value: Any) -> Exception | None:
     """The error of a call; any other exception, such as that of a panic, fails the test."""
     try:
         use(value)
-    except (sp.InvalidRequest, sp.IllegalAction, TypeError) as error:
+    except (sp.errors.InvalidRequest, sp.errors.IllegalAction, TypeError) as error:
         return error
     return None
 
@@ -134,7 +134,7 @@ def test_arrays_of_any_layout_are_read_or_refused_by_name(envs: sp.Envs) -> None
             error = refusal(use, array)
             # Some name a value in the array: "environment 7", "action 5", "these bytes".
             parts = (argument, "environment", "level", "bytes", "snapshot")
-            named = isinstance(error, sp.IllegalAction) or any(part in str(error) for part in parts)
+            named = isinstance(error, sp.errors.IllegalAction) or any(part in str(error) for part in parts)
             assert error is None or named, (call, argument, layout, error)
             is_valid = layout in dict(same_values(value)) and argument != "out"
             assert error is None or not is_valid, (call, argument, layout, error)
@@ -230,7 +230,7 @@ def test_exceptions_of_the_callers_own_code_pass_unchanged(envs: sp.Envs, error:
 def test_errors_about_the_value_name_the_argument_and_keep_their_cause(envs: sp.Envs) -> None:
     snapshots, cause = envs.reset(seed=1).snapshot.copy(), ValueError("the tensor is on another device")
     for argument in ("actions", "seed", "mask", "levels", "snapshots", "env_id", "timeout"):
-        with pytest.raises((sp.InvalidRequest, TypeError), match=argument) as raised:
+        with pytest.raises((sp.errors.InvalidRequest, TypeError), match=argument) as raised:
             converted(envs, snapshots)[argument](Raises(cause))
         assert raised.value.__cause__ is cause, argument
 

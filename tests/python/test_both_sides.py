@@ -83,7 +83,9 @@ def test_a_second_side_that_no_learner_plays_is_an_error() -> None:
     team = sp.load_team("3m", seed=0)
     settings = team.settings | {"sides": "both", "mirror": True}
     for opponent in (settings["opponent"], "kite", {"kite": 1, "attack_move": 2}):
-        with pytest.raises(sp.InvalidRequest, match=r"sides `both` needs opponent `learner`.*omit") as error:
+        with pytest.raises(
+            sp.errors.InvalidRequest, match=r"sides `both` needs opponent `learner`.*omit"
+        ) as error:
             sp.make("3m", 8, **settings | {"opponent": opponent})
     assert '**team.settings | {"opponent": "learner"}' in str(error.value)
     with sp.make("3m", 8, **settings | {"opponent": "learner"}) as envs:
@@ -111,7 +113,7 @@ def test_a_second_side_that_no_learner_plays_is_an_error() -> None:
     ],
 )
 def test_a_wrong_opponent_says_what_is_accepted(opponent: Any, message: str) -> None:
-    with pytest.raises((TypeError, sp.InvalidRequest), match=message):
+    with pytest.raises((TypeError, sp.errors.InvalidRequest), match=message):
         sp.make("3m", 1, opponent=opponent)
 
 
@@ -122,22 +124,22 @@ def test_what_is_wrong_is_an_error_that_names_it() -> None:
         ({"opponent": "learner"}, "opponent `learner` needs sides `both`"),
     ]
     for options, expected in wrong:
-        with pytest.raises(sp.InvalidRequest, match=expected):
+        with pytest.raises(sp.errors.InvalidRequest, match=expected):
             sp.make("3m", num_envs=1, **options)
     with sp.make("3m", num_envs=2, sides="both") as envs:
         envs.reset()
         with pytest.raises(
-            sp.IllegalAction, match="environment 1, enemy 2: action 7 is not available"
+            sp.errors.IllegalAction, match="environment 1, enemy 2: action 7 is not available"
         ) as error:
             envs.step([[1] * 6, [1] * 5 + [7]])
         assert (error.value.side, error.value.agent, error.value.env) == ("enemies", 2, 1)
-        with pytest.raises(sp.InvalidRequest, match=r"must be an integer array of shape \(2, 6\)"):
+        with pytest.raises(sp.errors.InvalidRequest, match=r"must be an integer array of shape \(2, 6\)"):
             envs.step([[1] * 3] * 2)
-        with pytest.raises(sp.InvalidRequest, match="side must be `allies` or `enemies`, got `foes`"):
+        with pytest.raises(sp.errors.InvalidRequest, match="side must be `allies` or `enemies`, got `foes`"):
             sp.ScriptedPolicy("hold", envs, side="foes")  # type: ignore[arg-type]
     with (
         sp.make("3m", num_envs=1) as envs,
-        pytest.raises(sp.InvalidRequest, match=r'side must be `allies` .*; make\(..., sides="both"\)'),
+        pytest.raises(sp.errors.InvalidRequest, match=r'side must be `allies` .*; make\(..., sides="both"\)'),
     ):
         sp.ScriptedPolicy("hold", envs, side="enemies")
 
@@ -245,23 +247,23 @@ def test_a_learner_hears_that_the_other_one_left() -> None:
                 with sp.connect("arena", side="allies", timeout=60) as envs:
                     policy = sp.ScriptedPolicy("hold", envs)
                     batch = envs.reset(timeout=60)
-                    with pytest.raises(sp.LaneTaken):
+                    with pytest.raises(sp.errors.LaneTaken):
                         sp.connect("arena", side="allies")
-                    with pytest.raises(sp.LaneTaken):
+                    with pytest.raises(sp.errors.LaneTaken):
                         sp.connect("arena")
                     with pytest.raises(
-                        sp.InvalidRequest, match="a learner of one side cannot restore or fork"
+                        sp.errors.InvalidRequest, match="a learner of one side cannot restore or fork"
                     ):
                         envs.fork([0], [1])
                     for _ in range(20):
                         batch = envs.step(policy(batch), timeout=60)
                     getattr(other, how)()
-                    with pytest.raises(sp.OtherLearnerLeft, match="the learner of the enemies left"):
+                    with pytest.raises(sp.errors.OtherLearnerLeft, match="the learner of the enemies left"):
                         for _ in range(10_000):
                             batch = envs.step(policy(batch), timeout=60)
-                    with pytest.raises(sp.OtherLearnerLeft):
+                    with pytest.raises(sp.errors.OtherLearnerLeft):
                         envs.step(policy(batch))
-                    with pytest.raises(sp.LaneTaken):
+                    with pytest.raises(sp.errors.LaneTaken):
                         sp.connect("arena", side="enemies")
                 other.communicate()
         finally:
@@ -287,9 +289,9 @@ def test_a_script_takes_over_if_asked() -> None:
                     assert lost > 50, "a random team loses against a script that shoots"
                     assert (envs.reset(seed=3, timeout=60).episode_length == 0).all()
                 other.communicate()
-            with pytest.raises(sp.InvalidRequest, match="on_leave needs side"):
+            with pytest.raises(sp.errors.InvalidRequest, match="on_leave needs side"):
                 sp.connect("arena", on_leave="hold")
-            with pytest.raises(sp.InvalidRequest, match="unknown policy `attack_move`"):
+            with pytest.raises(sp.errors.InvalidRequest, match="unknown policy `attack_move`"):
                 sp.connect("arena", side="allies", on_leave="attack_move")  # type: ignore[arg-type]
         finally:
             pool.terminate()
@@ -300,7 +302,7 @@ def test_two_learners_that_disagree_both_hear_of_it() -> None:
         try:
             allies, enemies = (sp.connect("arena", side=side, timeout=60) for side in ("allies", "enemies"))
             allies.async_reset(seed=1)
-            with pytest.raises(sp.Timeout):
+            with pytest.raises(sp.errors.Timeout):
                 allies.recv(timeout=0.2)
             enemies.async_reset()
             batch, _ = allies.recv(timeout=30), enemies.recv(timeout=30)
@@ -308,7 +310,7 @@ def test_two_learners_that_disagree_both_hear_of_it() -> None:
             enemies.async_reset()
             for envs in (allies, enemies):
                 with pytest.raises(
-                    sp.InvalidRequest, match="the two learners of the lane sent different requests"
+                    sp.errors.InvalidRequest, match="the two learners of the lane sent different requests"
                 ):
                     envs.recv(timeout=30)
             for envs in (allies, enemies):
@@ -319,7 +321,7 @@ def test_two_learners_that_disagree_both_hear_of_it() -> None:
             enemies.send(np.full((8, 3), 9))
             for envs in (allies, enemies):
                 with pytest.raises(
-                    sp.IllegalAction,
+                    sp.errors.IllegalAction,
                     match="environment 0, agent 0 of the learner of the enemies: action 9 is not available",
                 ) as caught:
                     envs.recv(timeout=30)
@@ -334,6 +336,6 @@ def test_two_learners_that_disagree_both_hear_of_it() -> None:
             pool.terminate()
     with (
         sp.make("3m", num_envs=1, name="one-side"),
-        pytest.raises(sp.ConnectError, match="no learner per side"),
+        pytest.raises(sp.errors.ConnectError, match="no learner per side"),
     ):
         sp.connect("one-side", side="allies")

@@ -115,16 +115,18 @@ def test_edited_columns_become_a_snapshot_again() -> None:
         ]:
             columns = sp.snapshot_columns(snapshot)
             columns[column][2] = value
-            with pytest.raises(sp.InvalidRequest, match=error):
+            with pytest.raises(sp.errors.InvalidRequest, match=error):
                 sp.pack_snapshot(columns, envs)
         columns = sp.snapshot_columns(snapshot)
-        with pytest.raises(sp.InvalidRequest, match=r"column `pos` must have shape \[10, 2\], got \[10\]"):
+        with pytest.raises(
+            sp.errors.InvalidRequest, match=r"column `pos` must have shape \[10, 2\], got \[10\]"
+        ):
             sp.pack_snapshot({**columns, "pos": columns["hp"]}, envs)
         with pytest.raises(TypeError, match="column `alive` must be of type bool, got float64"):
             sp.pack_snapshot({**columns, "alive": columns["hp"]}, envs)
         with pytest.raises(KeyError, match="there is no column `vel`"):
             sp.pack_snapshot({name: value for name, value in columns.items() if name != "vel"}, envs)
-        with pytest.raises(sp.InvalidRequest, match="must be 3, 3 and at most 16, got 5, 5 and 0"):
+        with pytest.raises(sp.errors.InvalidRequest, match="must be 3, 3 and at most 16, got 5, 5 and 0"):
             sp.pack_snapshot(columns, "3m")
 
 
@@ -134,24 +136,32 @@ def test_wrong_arguments_name_what_is_accepted() -> None:
         snapshots = envs.reset(seed=1).snapshot
         plain.reset()
         cases: list[tuple[type[Exception], str, Any]] = [
-            (sp.InvalidRequest, "name the field `snapshot`", lambda: plain.restore(snapshots)),
-            (sp.InvalidRequest, "environment 0 cannot be restored", lambda: envs.restore(snapshots * 0)),
-            (sp.InvalidRequest, "take 2 snapshots of", lambda: envs.restore(snapshots[:1])),
+            (sp.errors.InvalidRequest, "name the field `snapshot`", lambda: plain.restore(snapshots)),
+            (
+                sp.errors.InvalidRequest,
+                "environment 0 cannot be restored",
+                lambda: envs.restore(snapshots * 0),
+            ),
+            (sp.errors.InvalidRequest, "take 2 snapshots of", lambda: envs.restore(snapshots[:1])),
             # As many bytes, which were once read as rows of other bytes.
             (
-                sp.InvalidRequest,
+                sp.errors.InvalidRequest,
                 r"uint8 array of shape \(2, \d+\), got \(\d+, 2\)",
                 lambda: envs.restore(snapshots.T),
             ),
-            (sp.InvalidRequest, "uint8 array of shape", lambda: envs.restore(snapshots.reshape(-1))),
+            (sp.errors.InvalidRequest, "uint8 array of shape", lambda: envs.restore(snapshots.reshape(-1))),
             (TypeError, "must be a uint8 array", lambda: envs.restore(np.zeros((2, 4)))),
-            (sp.InvalidRequest, "environment 5 does not exist", lambda: envs.fork([5], [0])),
-            (sp.InvalidRequest, "appears twice", lambda: envs.fork([0, 1], [1, 1])),
-            (sp.InvalidRequest, "got 2 and 1", lambda: envs.fork([0, 1], [1])),
-            (sp.InvalidRequest, 'rng must be "keep" or "reseed"', lambda: envs.fork([0], [1], rng="new")),
-            (sp.InvalidRequest, "needs a seed", lambda: envs.fork([0], [1], rng="reseed")),
-            (sp.InvalidRequest, 'a seed needs rng="reseed"', lambda: envs.fork([0], [1], seed=3)),
-            (sp.InvalidRequest, "at least one environment", lambda: envs.fork([], [])),
+            (sp.errors.InvalidRequest, "environment 5 does not exist", lambda: envs.fork([5], [0])),
+            (sp.errors.InvalidRequest, "appears twice", lambda: envs.fork([0, 1], [1, 1])),
+            (sp.errors.InvalidRequest, "got 2 and 1", lambda: envs.fork([0, 1], [1])),
+            (
+                sp.errors.InvalidRequest,
+                'rng must be "keep" or "reseed"',
+                lambda: envs.fork([0], [1], rng="new"),
+            ),
+            (sp.errors.InvalidRequest, "needs a seed", lambda: envs.fork([0], [1], rng="reseed")),
+            (sp.errors.InvalidRequest, 'a seed needs rng="reseed"', lambda: envs.fork([0], [1], seed=3)),
+            (sp.errors.InvalidRequest, "at least one environment", lambda: envs.fork([], [])),
         ]
         for error, text, call in cases:
             with pytest.raises(error, match=text):
@@ -160,13 +170,13 @@ def test_wrong_arguments_name_what_is_accepted() -> None:
 
 
 def test_wrappers_and_rollouts_see_branches() -> None:
-    class Doubled(sp.Wrapper):
+    class Doubled(sp.extras.Wrapper):
         def change_batch(self, batch: Any) -> Any:
             return batch.replace(obs=2 * batch.obs)
 
     with Doubled(sp.make("3m", 4, fields=FIELDS)) as envs:
         first = envs.reset(seed=1)
-        rollout = sp.Rollout(envs, 3)
+        rollout = sp.extras.Rollout(envs, 3)
         rollout[0] = envs.step(envs.sample_actions())
         rollout[1] = envs.restore(first.snapshot)
         np.testing.assert_array_equal(rollout.obs[1], first.obs)
@@ -211,7 +221,7 @@ def test_gymnasium_saves_and_restores() -> None:
     env.close()
     fields = ["obs", "state", "avail_actions", "episode_length", "snapshot"]
     envs: Any = gymnasium.make_vec("smaclite_pool/2s3z-v0", 3, fields=fields).unwrapped
-    with pytest.raises(sp.InvalidRequest, match="call reset first"):
+    with pytest.raises(sp.errors.InvalidRequest, match="call reset first"):
         envs.save()
     envs.reset(seed=1)
     saved = envs.save()
@@ -223,7 +233,7 @@ def test_gymnasium_saves_and_restores() -> None:
     assert infos["episode_length"].tolist() == [1, 1, 0]
     envs.close()
     plain: Any = gymnasium.make_vec("smaclite_pool/3m-v0", 1).unwrapped
-    with pytest.raises(sp.InvalidRequest, match="name the field `snapshot`"):
+    with pytest.raises(sp.errors.InvalidRequest, match="name the field `snapshot`"):
         plain.save()
     plain.close()
 
@@ -247,7 +257,7 @@ def test_a_column_that_snapshots_do_not_have_is_an_error() -> None:
     with sp.make("3m", 1, fields=["snapshot"]) as envs:
         columns = sp.snapshot_columns(envs.reset(seed=1).snapshot[0])
         for name, hint in (("health", "hp"), ("cooldwn", "cooldown")):
-            with pytest.raises(sp.InvalidRequest, match=f"no column `{name}`; did you mean `{hint}`"):
+            with pytest.raises(sp.errors.InvalidRequest, match=f"no column `{name}`; did you mean `{hint}`"):
                 sp.pack_snapshot(columns | {name: columns["hp"]}, envs)
 
 
@@ -266,7 +276,7 @@ def test_what_no_battle_has_is_refused_and_says_what_differs() -> None:
     with sp.make("25m", 1, fields=["snapshot"]) as envs:
         columns = sp.snapshot_columns(envs.reset(seed=1).snapshot[0])
         columns["pos"][:, 0] = 3e38
-        with pytest.raises(sp.InvalidRequest, match="'pos' must be between -16 and 48 for unit 0"):
+        with pytest.raises(sp.errors.InvalidRequest, match="'pos' must be between -16 and 48 for unit 0"):
             sp.pack_snapshot(columns, envs)
     with (
         sp.make("3m", 1, fields=["snapshot"]) as plain,
@@ -275,7 +285,9 @@ def test_what_no_battle_has_is_refused_and_says_what_differs() -> None:
     ):
         snapshot = longer.reset(seed=1).snapshot.copy()
         plain.reset(seed=1)
-        with pytest.raises(sp.InvalidRequest, match="`obs_last_actions` 2, and this one has 0"):
+        with pytest.raises(sp.errors.InvalidRequest, match="`obs_last_actions` 2, and this one has 0"):
             plain.restore(snapshot)
-        with pytest.raises(sp.InvalidRequest, match="of rules `paper`, and the battle has rules `smaclite`"):
+        with pytest.raises(
+            sp.errors.InvalidRequest, match="of rules `paper`, and the battle has rules `smaclite`"
+        ):
             plain.restore(paper.reset(seed=1).snapshot.copy())

@@ -126,11 +126,11 @@ def test_the_constructor_or_seed_sets_the_seed_of_the_first_reset() -> None:
 
 
 def test_a_scenario_file() -> None:
-    with pytest.raises(sp.InvalidRequest, match="map_file"):
+    with pytest.raises(sp.errors.InvalidRequest, match="map_file"):
         gymnasium.make("smaclite/custom-v0")
-    with pytest.raises(sp.InvalidRequest, match="map_info"):
+    with pytest.raises(sp.errors.InvalidRequest, match="map_info"):
         gymnasium.make("smaclite/custom-v0", map_info=object())
-    with pytest.raises(sp.ScenarioError, match="no_such_file"):
+    with pytest.raises(sp.errors.ScenarioError, match="no_such_file"):
         gymnasium.make("smaclite/custom-v0", map_file="no_such_file.json")
 
 
@@ -311,7 +311,7 @@ def test_the_limit_by_variable(monkeypatch: pytest.MonkeyPatch) -> None:
     assert (length, info["episode_limit"]) == (4, True)
     env.close()
     monkeypatch.setenv(compat.EPISODE_LIMIT_VARIABLE, "four")
-    with pytest.raises(sp.InvalidRequest, match="got 'four'"):
+    with pytest.raises(sp.errors.InvalidRequest, match="got 'four'"):
         gymnasium.make("smaclite/2s_vs_1sc-v0")
 
 

@@ -100,11 +100,11 @@ def test_an_environment_that_plays_the_actions_gives_the_arrays(truncated: Path)
 
 def test_errors_say_what_is_accepted(file: Path, tmp_path: Path) -> None:
     dataset = sp.Dataset(file)
-    with pytest.raises(sp.InvalidRequest, match="unknown array `rewards`; the arrays are obs, state"):
+    with pytest.raises(sp.errors.InvalidRequest, match="unknown array `rewards`; the arrays are obs, state"):
         dataset.expand(fields=["obs", "rewards"])
-    with pytest.raises(sp.InvalidRequest, match="threads must be between 1 and 1024, got 0"):
+    with pytest.raises(sp.errors.InvalidRequest, match="threads must be between 1 and 1024, got 0"):
         dataset.expand(threads=0)
-    with pytest.raises(sp.InvalidRequest, match="must be written to a new folder"):
+    with pytest.raises(sp.errors.InvalidRequest, match="must be written to a new folder"):
         dataset.expand(tmp_path)
     with pytest.raises(TypeError):
         dataset.expand(fields="obs")
@@ -113,7 +113,9 @@ def test_errors_say_what_is_accepted(file: Path, tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match="none.smdata"):
         sp.Dataset(tmp_path / "none.smdata")
     (tmp_path / "damaged.smdata").write_bytes(file.read_bytes()[:-20])
-    with pytest.raises(sp.PoolError, match="damaged.smdata: expected a dataset.*the file ends too early"):
+    with pytest.raises(
+        sp.errors.PoolError, match="damaged.smdata: expected a dataset.*the file ends too early"
+    ):
         sp.Dataset(tmp_path / "damaged.smdata")
 
 
@@ -227,7 +229,7 @@ def test_behaviour_cloning_asks_for_the_map_before_it_learns(
         raise AssertionError("it learns")
 
     monkeypatch.setattr(example, "learn", learn)
-    with pytest.raises(sp.PoolError, match=message):
+    with pytest.raises(sp.errors.PoolError, match=message):
         example.clone(example.Options(dataset=str(truncated), map_file=map_file))
     with pytest.raises(AssertionError, match="it learns"):
         example.clone(

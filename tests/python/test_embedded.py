@@ -170,7 +170,7 @@ def test_disabled_autoreset_requires_a_masked_reset() -> None:
         batch = envs.step(stop(batch))
         batch = envs.step(stop(batch))
         assert batch.truncated.all()
-        with pytest.raises(sp.InvalidRequest, match="reset it first"):
+        with pytest.raises(sp.errors.InvalidRequest, match="reset it first"):
             envs.step(stop(batch))
         batch = envs.reset(mask=np.array([True, False, True]))
         assert batch.episode_length.tolist() == [0, 2, 0]

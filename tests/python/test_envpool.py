@@ -70,7 +70,7 @@ def test_a_reset_of_some_returns_those_in_their_order() -> None:
             {"env_id": np.zeros(0, int)},
             {"env_id": [1], "options": {"reset_mask": np.ones(4, bool)}},
         ):
-            with pytest.raises(sp.InvalidRequest):
+            with pytest.raises(sp.errors.InvalidRequest):
                 envs.reset(**wrong)
 
 
@@ -121,11 +121,11 @@ def test_invalid_arguments_are_refused() -> None:
         ({"num_envs": 2, "batch_size": 3}, "batch size .* got 3"),
     ]
     for wrong, words in mistakes:
-        with pytest.raises(sp.PoolError, match=words):
+        with pytest.raises(sp.errors.PoolError, match=words):
             envpool.make("2s3z", **wrong)
     with envpool.make("2s3z", num_envs=2) as envs:
         envs.reset()
-        with pytest.raises(sp.IllegalAction):
+        with pytest.raises(sp.errors.IllegalAction):
             envs.step(np.full((2, 5), 6))
 
 

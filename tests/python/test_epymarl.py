@@ -232,7 +232,7 @@ def test_an_attached_pool_plays_the_same(serve: Serve) -> None:
     embedded, _, _ = begun(3)
     attached, _, _ = begun(3, map_name=None, pool="train")
     assert torch.equal(embedded.run()["state"], attached.run()["state"])
-    with pytest.raises(sp.InvalidRequest, match="--batch-size 1 --autoreset-mode Disabled"):
+    with pytest.raises(sp.errors.InvalidRequest, match="--batch-size 1 --autoreset-mode Disabled"):
         PoolRunner(args_of(3, pool="other"), Log())
     embedded.close_env()
     attached.close_env()
@@ -245,14 +245,14 @@ def test_settings_that_cannot_be_served_are_refused() -> None:
         "map_name": (None, "map_name or"),
     }
     for name, (value, reason) in refused.items():
-        with pytest.raises(sp.InvalidRequest, match=reason):
+        with pytest.raises(sp.errors.InvalidRequest, match=reason):
             PoolRunner(args_of(2, **{name: value}), Log())
     rewarded = PoolRunner(args_of(2, reward_only_positive=False, reward_win=200), Log())
     assert not rewarded._envs.rewards["reward_only_positive"]
     rewarded.close_env()
     unshared = args_of(2)
     unshared.common_reward = False
-    with pytest.raises(sp.InvalidRequest, match="common_reward"):
+    with pytest.raises(sp.errors.InvalidRequest, match="common_reward"):
         PoolRunner(unshared, Log())
 
 

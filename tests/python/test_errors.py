@@ -29,17 +29,19 @@ def envs() -> Iterator[sp.Envs]:
 def test_an_illegal_action_names_environment_agent_and_available_actions(envs: sp.Envs) -> None:
     actions = np.ones((2, 5), np.int32)
     actions[1, 3] = 0  # no-op is for dead agents
-    with pytest.raises(sp.IllegalAction, match="environment 1, agent 3: action 0 is not available") as caught:
+    with pytest.raises(
+        sp.errors.IllegalAction, match="environment 1, agent 3: action 0 is not available"
+    ) as caught:
         envs.step(actions)
     error = caught.value
     assert (error.env, error.agent, error.action) == (1, 3, 0)
     assert error.available == [1, 2, 3, 4, 5]
-    assert isinstance(error, ValueError) and isinstance(error, sp.PoolError)
+    assert isinstance(error, ValueError) and isinstance(error, sp.errors.PoolError)
     again = pickle.loads(pickle.dumps(error))
     assert (str(again), again.env, again.available) == (str(error), 1, error.available)
     for action in (-1, 11, 2**31 - 1):
         actions[1, 3] = action
-        with pytest.raises(sp.IllegalAction, match=f"action {action} "):
+        with pytest.raises(sp.errors.IllegalAction, match=f"action {action} "):
             envs.step(actions)
     actions[1, 3] = 1
     assert envs.step(actions).episode_length.tolist() == [1, 1], "no environment was stepped before"
@@ -59,90 +61,118 @@ def read_only() -> NDArray[np.int32]:
     [
         (
             lambda e: e.step(np.ones((2, 4), int)),
-            sp.InvalidRequest,
+            sp.errors.InvalidRequest,
             r"actions must be .* shape \(2, 5\), got \(2, 4\)",
         ),
-        (lambda e: e.step(np.ones(10, int)), sp.InvalidRequest, r"shape \(2, 5\), got \(10,\)"),
-        (lambda e: e.step([]), sp.InvalidRequest, r"got \(0,\)"),
+        (lambda e: e.step(np.ones(10, int)), sp.errors.InvalidRequest, r"shape \(2, 5\), got \(10,\)"),
+        (lambda e: e.step([]), sp.errors.InvalidRequest, r"got \(0,\)"),
         (
             lambda e: e.step([[1, 2], [3]]),
-            sp.InvalidRequest,
+            sp.errors.InvalidRequest,
             "actions must be an array or nested lists: .*inhomogeneous",
         ),
-        (lambda e: e.step(None), sp.InvalidRequest, r"actions must be .* shape \(2, 5\), got NoneType"),
-        (lambda e: e.step({}), sp.InvalidRequest, r"actions must be .* shape \(2, 5\), got dict"),
+        (
+            lambda e: e.step(None),
+            sp.errors.InvalidRequest,
+            r"actions must be .* shape \(2, 5\), got NoneType",
+        ),
+        (lambda e: e.step({}), sp.errors.InvalidRequest, r"actions must be .* shape \(2, 5\), got dict"),
         (
             lambda e: e.step([[1] * 5], env_id=3),
-            sp.InvalidRequest,
+            sp.errors.InvalidRequest,
             r"env_id must be .* shape \(K,\), got \(\)",
         ),
-        (lambda e: e.step([], env_id=[]), sp.InvalidRequest, "env_id must select at least one environment"),
+        (
+            lambda e: e.step([], env_id=[]),
+            sp.errors.InvalidRequest,
+            "env_id must select at least one environment",
+        ),
         (lambda e: e.step(np.ones((2, 5))), TypeError, "actions must be an integer array, got float64"),
         (lambda e: e.step(np.ones((2, 5), bool)), TypeError, "actions must be an integer array, got bool"),
         (lambda e: e.step([["a"] * 5] * 2), TypeError, "actions must be an integer array, got <U1"),
         (
             lambda e: e.step(np.full((2, 5), 2**40)),
-            sp.InvalidRequest,
+            sp.errors.InvalidRequest,
             r"fit into int32, got 1099511627776 at index \[0, 0\]",
         ),
         (
             lambda e: e.step(np.full((2, 5), 2**63, np.uint64)),
-            sp.InvalidRequest,
+            sp.errors.InvalidRequest,
             "9223372036854775808 at index",
         ),
-        (lambda e: e.step([[1] * 5] * 2, env_id=[0, 2]), sp.InvalidRequest, "environment 2 does not exist"),
-        (lambda e: e.step([[1] * 5] * 2, env_id=[0, -1]), sp.InvalidRequest, "environment -1 does not exist"),
-        (lambda e: e.step([[1] * 5] * 2, env_id=[1, 1]), sp.InvalidRequest, "environment 1 appears twice"),
-        (lambda e: e.step([[1] * 5], env_id=[1]), sp.InvalidRequest, "steps all 2 environments at once"),
-        (lambda e: e.step([[1] * 5], env_id=[[1]]), sp.InvalidRequest, r"env_id must be .*, got \(1, 1\)"),
+        (
+            lambda e: e.step([[1] * 5] * 2, env_id=[0, 2]),
+            sp.errors.InvalidRequest,
+            "environment 2 does not exist",
+        ),
+        (
+            lambda e: e.step([[1] * 5] * 2, env_id=[0, -1]),
+            sp.errors.InvalidRequest,
+            "environment -1 does not exist",
+        ),
+        (
+            lambda e: e.step([[1] * 5] * 2, env_id=[1, 1]),
+            sp.errors.InvalidRequest,
+            "environment 1 appears twice",
+        ),
+        (
+            lambda e: e.step([[1] * 5], env_id=[1]),
+            sp.errors.InvalidRequest,
+            "steps all 2 environments at once",
+        ),
+        (
+            lambda e: e.step([[1] * 5], env_id=[[1]]),
+            sp.errors.InvalidRequest,
+            r"env_id must be .*, got \(1, 1\)",
+        ),
         (
             lambda e: e.step([[1] * 5], env_id=[0.5]),
             TypeError,
             "env_id must be an integer array, got float64",
         ),
-        (lambda e: e.recv(), sp.InvalidRequest, "send actions first"),
+        (lambda e: e.recv(), sp.errors.InvalidRequest, "send actions first"),
         (
             lambda e: e.recv(timeout=-1),
-            sp.InvalidRequest,
+            sp.errors.InvalidRequest,
             "timeout must be at least 0 seconds, or None, got -1.0",
         ),
-        (lambda e: e.recv(timeout=-(10**400)), sp.InvalidRequest, "timeout must be .*, got -inf"),
+        (lambda e: e.recv(timeout=-(10**400)), sp.errors.InvalidRequest, "timeout must be .*, got -inf"),
         (lambda e: e.recv(timeout="1"), TypeError, "timeout must be a number of seconds or None, got str"),
-        (lambda e: e.recv(timeout=float("nan")), sp.InvalidRequest, "timeout must be .*, got NaN"),
-        (lambda e: e.reset(seed=-1), sp.InvalidRequest, "seed must not be negative, got -1"),
+        (lambda e: e.recv(timeout=float("nan")), sp.errors.InvalidRequest, "timeout must be .*, got NaN"),
+        (lambda e: e.reset(seed=-1), sp.errors.InvalidRequest, "seed must not be negative, got -1"),
         (
             lambda e: e.reset(seed=2**64),
-            sp.InvalidRequest,
+            sp.errors.InvalidRequest,
             "seed must be at most 18446744073709551615, got 184467",
         ),
         (
             lambda e: e.reset(seed=2**200),
-            sp.InvalidRequest,
+            sp.errors.InvalidRequest,
             "seed must be at most .*, got an integer of more than 127",
         ),
-        (lambda e: e.reset(seed=-(2**200)), sp.InvalidRequest, "seed must not be negative"),
+        (lambda e: e.reset(seed=-(2**200)), sp.errors.InvalidRequest, "seed must not be negative"),
         (lambda e: e.reset(seed=1.5), TypeError, "seed must be an integer, got float"),
-        (lambda e: e.seed_sampler(10**300), sp.InvalidRequest, "seed must be at most"),
+        (lambda e: e.seed_sampler(10**300), sp.errors.InvalidRequest, "seed must be at most"),
         (
             lambda e: e.reset(mask=[True]),
-            sp.InvalidRequest,
+            sp.errors.InvalidRequest,
             r"mask must be a bool array of shape \(2,\), got \(1,\)",
         ),
         (lambda e: e.reset(mask=[1, 0]), TypeError, "mask must be a bool array, got int64"),
         (
             lambda e: e.reset(mask=[True, False], env_id=[0]),
-            sp.InvalidRequest,
+            sp.errors.InvalidRequest,
             "mask and env_id cannot be combined",
         ),
-        (lambda e: e.reset(env_id=[5]), sp.InvalidRequest, "environment 5 does not exist"),
+        (lambda e: e.reset(env_id=[5]), sp.errors.InvalidRequest, "environment 5 does not exist"),
         (
             lambda e: e.reset(env_id=[], timeout=10),
-            sp.InvalidRequest,
+            sp.errors.InvalidRequest,
             "env_id must select at least one environment",
         ),
         (
             lambda e: e.reset(mask=[False, False], timeout=10),
-            sp.InvalidRequest,
+            sp.errors.InvalidRequest,
             "mask must select at least one environment",
         ),
         (
@@ -153,16 +183,20 @@ def read_only() -> NDArray[np.int32]:
         (lambda e: e.sample_actions(out=[[0] * 5] * 2), TypeError, r"out must be .*, got list"),
         (
             lambda e: e.sample_actions(out=np.zeros((1, 5), np.int32)),
-            sp.InvalidRequest,
+            sp.errors.InvalidRequest,
             r"out must be .* shape \(2, 5\), got int32 of shape \(1, 5\)",
         ),
         (
             lambda e: e.sample_actions(out=np.zeros((5, 2), np.int32).T),
-            sp.InvalidRequest,
+            sp.errors.InvalidRequest,
             "got one that is not C-contiguous",
         ),
-        (lambda e: e.sample_actions(out=read_only()), sp.InvalidRequest, "got one that is not writeable"),
-        (lambda e: e.sample_actions(env_id=[7]), sp.InvalidRequest, "environment 7 does not exist"),
+        (
+            lambda e: e.sample_actions(out=read_only()),
+            sp.errors.InvalidRequest,
+            "got one that is not writeable",
+        ),
+        (lambda e: e.sample_actions(env_id=[7]), sp.errors.InvalidRequest, "environment 7 does not exist"),
     ],
 )
 def test_a_wrong_request_says_what_is_accepted(
@@ -176,33 +210,41 @@ def test_a_wrong_request_says_what_is_accepted(
 @pytest.mark.parametrize(
     ("settings", "error", "match"),
     [
-        ({"scenario": "2s3"}, sp.ScenarioError, "did you mean `2s3z`"),
-        ({"scenario": "./no/such.json"}, sp.ScenarioError, "such.json"),
-        ({"num_envs": 0}, sp.InvalidRequest, "environments must be between 1 and 1000000, got 0"),
-        ({"num_envs": -3}, sp.InvalidRequest, "num_envs must not be negative, got -3"),
-        ({"num_envs": 2**127}, sp.InvalidRequest, "num_envs must be at most"),
+        ({"scenario": "2s3"}, sp.errors.ScenarioError, "did you mean `2s3z`"),
+        ({"scenario": "./no/such.json"}, sp.errors.ScenarioError, "such.json"),
+        ({"num_envs": 0}, sp.errors.InvalidRequest, "environments must be between 1 and 1000000, got 0"),
+        ({"num_envs": -3}, sp.errors.InvalidRequest, "num_envs must not be negative, got -3"),
+        ({"num_envs": 2**127}, sp.errors.InvalidRequest, "num_envs must be at most"),
         ({"num_envs": 64.0}, TypeError, "num_envs must be an integer, got float"),
-        ({"batch_size": 9}, sp.InvalidRequest, "batch size must be between 1 and 2 .*, got 9"),
-        ({"threads": 0}, sp.InvalidRequest, "threads must be between 1 and 1024, got 0"),
-        ({"autoreset_mode": "never"}, sp.InvalidRequest, "got `never`"),
-        ({"rules": "mine"}, sp.InvalidRequest, "mine"),
-        ({"wait": "sleep"}, sp.InvalidRequest, "got `sleep`"),
-        ({"fields": ["obz"]}, sp.InvalidRequest, "unknown field `obz`; the fields are env_id"),
+        ({"batch_size": 9}, sp.errors.InvalidRequest, "batch size must be between 1 and 2 .*, got 9"),
+        ({"threads": 0}, sp.errors.InvalidRequest, "threads must be between 1 and 1024, got 0"),
+        ({"autoreset_mode": "never"}, sp.errors.InvalidRequest, "got `never`"),
+        ({"rules": "mine"}, sp.errors.InvalidRequest, "mine"),
+        ({"wait": "sleep"}, sp.errors.InvalidRequest, "got `sleep`"),
+        ({"fields": ["obz"]}, sp.errors.InvalidRequest, "unknown field `obz`; the fields are env_id"),
         ({"fields": "obs"}, TypeError, r"fields must be a list of strings, such as \[\"obs\"\], got str"),
-        ({"episode_limit": 0}, sp.InvalidRequest, 'an integer of at least 1, None or "default", got 0'),
+        (
+            {"episode_limit": 0},
+            sp.errors.InvalidRequest,
+            'an integer of at least 1, None or "default", got 0',
+        ),
         ({"episode_limit": 1.5}, TypeError, "episode_limit must be an integer .*, got float"),
-        ({"episode_limit": "none"}, sp.InvalidRequest, "got `none`"),
-        ({"episode_limit": 2**40}, sp.InvalidRequest, "at most 4294967295"),
-        ({"obs_last_actions": 17}, sp.InvalidRequest, "obs_last_actions must be between 0 and 16, got 17"),
+        ({"episode_limit": "none"}, sp.errors.InvalidRequest, "got `none`"),
+        ({"episode_limit": 2**40}, sp.errors.InvalidRequest, "at most 4294967295"),
+        (
+            {"obs_last_actions": 17},
+            sp.errors.InvalidRequest,
+            "obs_last_actions must be between 0 and 16, got 17",
+        ),
         ({"obs_last_actions": 1.0}, TypeError, "obs_last_actions must be an integer, got float"),
         # PyO3 names the argument in a note, which exceptions have since Python 3.11.
         ({"obs_agent_id": 1}, TypeError, "obs_agent_id" if sys.version_info >= (3, 11) else "bool"),
-        ({"max_held_batches": 1}, sp.InvalidRequest, "between 2 and 1024, got 1"),
-        ({"name": "a/b"}, sp.InvalidRequest, "cannot be a name"),
-        ({"seed": -1}, sp.InvalidRequest, "seed must not be negative"),
+        ({"max_held_batches": 1}, sp.errors.InvalidRequest, "between 2 and 1024, got 1"),
+        ({"name": "a/b"}, sp.errors.InvalidRequest, "cannot be a name"),
+        ({"seed": -1}, sp.errors.InvalidRequest, "seed must not be negative"),
         (
             {"scenario": "27m_vs_30m", "num_envs": 1_000_000, "max_held_batches": 1000},
-            sp.TooLittleMemory,
+            sp.errors.TooLittleMemory,
             "bytes",
         ),
     ],
@@ -234,7 +276,7 @@ def test_a_name_that_a_batch_does_not_have_lists_the_fields(envs: sp.Envs) -> No
 def test_a_wrong_scenario_file_names_file_key_and_value(runtime_dir: Path) -> None:
     path = runtime_dir / "wrong.json"
     path.write_text('{"num_allied_units": "two"}')
-    with pytest.raises(sp.ScenarioError, match="wrong.json"):
+    with pytest.raises(sp.errors.ScenarioError, match="wrong.json"):
         sp.make(path)
     path.unlink()
 
@@ -243,32 +285,32 @@ def test_stepping_before_the_first_reset() -> None:
     """Before it, `sample_actions` once drew actions that no environment would accept."""
     with sp.make("2s3z", num_envs=1) as envs:
         for call in (lambda: envs.step([[1] * 5]), envs.sample_actions):
-            with pytest.raises(sp.InvalidRequest, match="call reset first"):
+            with pytest.raises(sp.errors.InvalidRequest, match="call reset first"):
                 call()
 
 
 def test_a_name_that_no_pool_can_have() -> None:
     for name in ("../../etc", "a\0b", "", "a\nb", "x" * 1000):
         for call in (sp.connect, sp.status):
-            with pytest.raises(sp.InvalidRequest, match="cannot be a name") as caught:
+            with pytest.raises(sp.errors.InvalidRequest, match="cannot be a name") as caught:
                 call(name)
             assert "\n" not in str(caught.value) and len(str(caught.value)) < 300
 
 
 def test_a_name_or_lane_that_is_in_use(envs: sp.Envs) -> None:
-    with pytest.raises(sp.LaneTaken, match=f"process {envs.pid}") as caught:
+    with pytest.raises(sp.errors.LaneTaken, match=f"process {envs.pid}") as caught:
         sp.connect(envs.name)
     assert caught.value.learner_pid == envs.pid and isinstance(caught.value, ConnectionError)
-    with pytest.raises(sp.StartError, match="runs already"):
+    with pytest.raises(sp.errors.StartError, match="runs already"):
         sp.make("2s3z", 1, name=envs.name)
 
 
 def test_no_such_pool_or_lane(envs: sp.Envs) -> None:
-    with pytest.raises(sp.NoSuchPool, match=f"running: {envs.name}"):
+    with pytest.raises(sp.errors.NoSuchPool, match=f"running: {envs.name}"):
         sp.connect("absent", timeout=0.05)
-    with pytest.raises(sp.NoSuchPool):
+    with pytest.raises(sp.errors.NoSuchPool):
         sp.status("absent")
-    with pytest.raises(sp.ConnectError, match="no lane `x`; the pool has `2s3z`"):
+    with pytest.raises(sp.errors.ConnectError, match="no lane `x`; the pool has `2s3z`"):
         sp.connect(envs.name, "x")
 
 
@@ -277,15 +319,14 @@ def test_closed_environments_say_so(envs: sp.Envs) -> None:
     envs.close()
     envs.close()
     for call in (envs.recv, envs.reset, envs.sample_actions):
-        with pytest.raises(sp.Closed, match="are closed"):
+        with pytest.raises(sp.errors.Closed, match="are closed"):
             call()
     assert envs.num_envs == 2 and np.isfinite(obs).all()
 
 
 def test_every_exception_can_be_raised_again_from_its_message() -> None:
     """Gymnasium's AsyncVectorEnv does so; IllegalAction once failed there with a TypeError."""
-    values = vars(sp).values()
-    classes = [value for value in values if isinstance(value, type) and issubclass(value, Exception)]
+    classes = [getattr(sp.errors, name) for name in sp.errors.__all__]
     assert len(classes) == 17
     for error in classes:
         again = error("what was wrong")
@@ -311,7 +352,7 @@ def test_a_batch_is_no_tuple(envs: sp.Envs, tmp_path: Path) -> None:
     assert set(dict(batch)) == set(batch.keys()) and "obs" in batch and "rewards" not in batch
     with pytest.raises(KeyError, match="no field 'rewards'; use `reward`; its fields are env_id, obs"):
         batch["rewards"]
-    with pytest.raises(sp.InvalidRequest, match="record must be in a folder that exists; there is no"):
+    with pytest.raises(sp.errors.InvalidRequest, match="record must be in a folder that exists; there is no"):
         sp.make("3m", 1, record=tmp_path / "none" / "x.smreplay")
 
 
@@ -358,13 +399,13 @@ def test_files_of_other_kinds_say_what_they_are(tmp_path: Path) -> None:
     ):
         file = tmp_path / f"k.{suffix}"
         file.write_bytes(b"\xff\xfe\x00")
-        with pytest.raises(sp.ScenarioError, match=expected):
+        with pytest.raises(sp.errors.ScenarioError, match=expected):
             sp.make(file, 1)
 
 
 def test_a_changed_key_is_named_without_a_place_in_a_file_that_the_user_has_not_got() -> None:
     """The error pointed to "scenarios/data/3s5z.json with changed keys:15:38"."""
-    with pytest.raises(sp.ScenarioError) as raised:
+    with pytest.raises(sp.errors.ScenarioError) as raised:
         sp.make("3s5z", 1, smacv2={"prob_obs_enemy": 2})
     assert "3s5z with changed keys: `smacv2.prob_obs_enemy` is 2" in str(raised.value)
     assert "scenarios/data" not in str(raised.value)

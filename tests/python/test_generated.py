@@ -93,12 +93,12 @@ def test_levels_have_the_shape_of_their_field() -> None:
         levels = envs.reset(seed=1).level.copy()
         shape = r"levels must be a float32 array of shape \(3, 10, 5\), got "
         for wrong in (levels.transpose(1, 0, 2), levels.reshape(3, 50), levels[:2]):
-            with pytest.raises(sp.InvalidRequest, match=shape):
+            with pytest.raises(sp.errors.InvalidRequest, match=shape):
                 envs.reset(levels=wrong)
         envs.reset(levels=levels[1:2], env_id=[1])
         mask = np.array([True, False, True])
         envs.reset(levels=levels[mask], mask=mask)
-        with pytest.raises(sp.InvalidRequest, match="name the field `level`"):
+        with pytest.raises(sp.errors.InvalidRequest, match="name the field `level`"):
             plain.reset(levels=levels)
 
 
@@ -111,14 +111,14 @@ def test_levels_have_the_shape_of_their_field() -> None:
     ],
 )
 def test_what_is_wrong_with_a_distribution_or_an_option_is_said(options: Any, expected: str) -> None:
-    with pytest.raises(sp.ScenarioError, match=expected):
+    with pytest.raises(sp.errors.ScenarioError, match=expected):
         sp.make("terran_5_vs_5", 1, **options)
 
 
 def test_the_interface_is_that_of_agents() -> None:
-    with pytest.raises(sp.InvalidRequest, match="sides must be `allies`"):
+    with pytest.raises(sp.errors.InvalidRequest, match="sides must be `allies`"):
         sp.make("terran_5_vs_5", 1, sides="both")
-    with pytest.raises(sp.InvalidRequest, match="smacv2 must be a dictionary as in JSON"):
+    with pytest.raises(sp.errors.InvalidRequest, match="smacv2 must be a dictionary as in JSON"):
         sp.make("terran_5_vs_5", 1, smacv2={"attack": object()})
 
 

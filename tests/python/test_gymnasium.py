@@ -101,7 +101,7 @@ def test_a_vector_of_single_battles_can_stop_what_is_unavailable(mode: Any) -> N
 def test_a_vector_draws_every_environment() -> None:
     envs: Any = gymnasium.make_vec("smaclite_pool/2s3z-v0", num_envs=3, render_mode="rgb_array")
     assert envs.metadata["render_modes"] == ["human", "rgb_array"] and envs.metadata["render_fps"] == 2
-    with pytest.raises(sp.InvalidRequest, match="call reset first"):
+    with pytest.raises(sp.errors.InvalidRequest, match="call reset first"):
         envs.render()
     first_state = envs.reset(seed=1)[0]["state"]
     first = envs.render()
@@ -114,9 +114,9 @@ def test_a_vector_draws_every_environment() -> None:
     with closing(make_vector("2s3z", 1)) as plain:
         plain.reset()
         assert plain.render() is None
-    with pytest.raises(sp.InvalidRequest, match="render_mode must be None"):
+    with pytest.raises(sp.errors.InvalidRequest, match="render_mode must be None"):
         make_vector("2s3z", 1, render_mode="ansi")
-    with pytest.raises(sp.InvalidRequest, match="field `state`, which this lane omits"):
+    with pytest.raises(sp.errors.InvalidRequest, match="field `state`, which this lane omits"):
         make_vector("2s3z", 1, render_mode="rgb_array", fields=["obs"])
 
 
@@ -144,9 +144,9 @@ def test_a_window_shows_every_step_of_a_battle(monkeypatch: pytest.MonkeyPatch) 
     assert plain.render() is None
     plain.close()
     for make in (BattleEnv, make_vector):
-        with pytest.raises(sp.InvalidRequest, match="render_mode must be None"):
+        with pytest.raises(sp.errors.InvalidRequest, match="render_mode must be None"):
             make("2s3z", render_mode="ansi")
-        with pytest.raises(sp.InvalidRequest, match="render_speed must be a number above 0"):
+        with pytest.raises(sp.errors.InvalidRequest, match="render_speed must be a number above 0"):
             make("2s3z", render_mode="human", render_speed=0)
 
 
@@ -243,9 +243,9 @@ def test_a_masked_reset_leaves_the_others_alone() -> None:
         np.testing.assert_array_equal(after["obs"][~mask], before["obs"][~mask])
         assert infos["_battle_won"].tolist() == mask.tolist()
         assert (after["state"][1] != before["state"][1]).any()
-        with pytest.raises(sp.InvalidRequest, match="at least one environment"):
+        with pytest.raises(sp.errors.InvalidRequest, match="at least one environment"):
             envs.reset(options={"reset_mask": ~mask & mask})
-        with pytest.raises(sp.InvalidRequest, match="shape"):
+        with pytest.raises(sp.errors.InvalidRequest, match="shape"):
             envs.reset(options={"reset_mask": mask[:2]})
 
 
@@ -261,7 +261,7 @@ def test_arrays_are_copies_unless_copy_is_false() -> None:
         views, _ = envs.reset(seed=1)
         assert not any(array.flags.writeable for array in views.values())
         held = [views]
-        with pytest.raises(sp.TooManyBatchesHeld):
+        with pytest.raises(sp.errors.TooManyBatchesHeld):
             held.extend(envs.step(np.ones((2, 5), int))[0] for _ in range(5))
         assert len(held) == 3
 
@@ -292,7 +292,7 @@ def test_an_illegal_action_is_an_error_or_a_stop() -> None:
     everyone_attacks = np.full((2, 5), 6)
     with closing(make_vector("2s3z", 2)) as envs:
         envs.reset(seed=1)
-        with pytest.raises(sp.IllegalAction, match="environment 0, agent 0: action 6"):
+        with pytest.raises(sp.errors.IllegalAction, match="environment 0, agent 0: action 6"):
             envs.step(everyone_attacks)
     stopping = make_vector("2s3z", 2, illegal_actions="stop")
     with closing(stopping) as lenient, closing(make_vector("2s3z", 2)) as strict:
@@ -304,7 +304,7 @@ def test_an_illegal_action_is_an_error_or_a_stop() -> None:
         np.testing.assert_equal(seen, expected)
         for _ in range(150):  # agents die meanwhile
             lenient.step(everyone_attacks)
-    with pytest.raises(sp.InvalidRequest, match="'ignore'"):
+    with pytest.raises(sp.errors.InvalidRequest, match="'ignore'"):
         make_vector("2s3z", 2, illegal_actions="ignore")  # type: ignore[arg-type]
 
 
@@ -314,13 +314,13 @@ def test_wrong_shapes_and_dtypes_are_named_in_both_modes(illegal_actions: Any, a
     """With "stop", NumPy's errors about indices came out."""
     with closing(gymnasium.make("smaclite_pool/3m-v0", illegal_actions=illegal_actions)) as env:
         env.reset(seed=1)
-        with pytest.raises((sp.InvalidRequest, TypeError), match="actions"):
+        with pytest.raises((sp.errors.InvalidRequest, TypeError), match="actions"):
             env.step(actions)
         env.step([1, 1, 1])
 
 
 def test_a_single_battle_has_all_fields() -> None:
-    with pytest.raises(sp.InvalidRequest, match="remove `fields`"):
+    with pytest.raises(sp.errors.InvalidRequest, match="remove `fields`"):
         gymnasium.make("smaclite_pool/3m-v0", fields=["obs"])
 
 
@@ -352,10 +352,10 @@ def test_a_custom_scenario(tmp_path: Path) -> None:
         env: Any = make("smaclite_pool/custom-v0", map_file=str(file))
         env.reset(seed=1)
         env.close()
-        with pytest.raises(sp.InvalidRequest, match="map_file"):
+        with pytest.raises(sp.errors.InvalidRequest, match="map_file"):
             make("smaclite_pool/custom-v0")
         # It played the file, and said 3m.
-        with pytest.raises(sp.InvalidRequest, match="'3m' and map_file cannot be combined"):
+        with pytest.raises(sp.errors.InvalidRequest, match="'3m' and map_file cannot be combined"):
             make("smaclite_pool/3m-v0", map_file=str(file))
 
 
@@ -365,7 +365,7 @@ def test_an_episode_that_runs_out_of_time_is_truncated() -> None:
     stop = [1] * 3
     assert env.step(stop)[2:4] == (False, False)
     assert env.step(stop)[2:4] == (False, True)
-    with pytest.raises(sp.InvalidRequest, match="reset"):
+    with pytest.raises(sp.errors.InvalidRequest, match="reset"):
         env.step(stop)
     env.close()
     with closing(make_vector("3s_vs_5z", 2, max_episode_steps=1)) as envs:
@@ -375,7 +375,7 @@ def test_an_episode_that_runs_out_of_time_is_truncated() -> None:
 
 def test_an_attached_lane_is_a_vector_too(serve: Serve) -> None:
     serve("2s3z:2", "--name", "gym")
-    with pytest.raises(sp.InvalidRequest, match="asynchronous"):
+    with pytest.raises(sp.errors.InvalidRequest, match="asynchronous"):
         BattleVectorEnv(sp.make("2s3z", 4, batch_size=2))
     envs = BattleVectorEnv(sp.connect("gym"))
     envs.reset(seed=3)
@@ -434,7 +434,7 @@ def test_an_illegal_action_passes_through_gymnasiums_processes() -> None:
     envs = gymnasium.make_vec("smaclite_pool/2s3z-v0", 2, vectorization_mode="async")
     try:
         envs.reset(seed=1)
-        with pytest.raises(sp.IllegalAction, match="agent 0: action 0 is not available"):
+        with pytest.raises(sp.errors.IllegalAction, match="agent 0: action 0 is not available"):
             envs.step(np.zeros((2, 5), np.int64))
     finally:
         envs.close()
@@ -445,7 +445,7 @@ def test_one_side_is_all_that_gymnasium_can_play() -> None:
         lambda: gymnasium.make_vec("smaclite_pool/3m-v0", num_envs=2, sides="both"),
         lambda: gymnasium.make("smaclite_pool/3m-v0", sides="both"),
     ):
-        with pytest.raises(sp.InvalidRequest, match="sides must be 'allies' here, got 'both'"):
+        with pytest.raises(sp.errors.InvalidRequest, match="sides must be 'allies' here, got 'both'"):
             make()
 
 
@@ -487,9 +487,9 @@ def test_a_vector_continues_from_snapshots_at_a_reset() -> None:
     wrapped.step(np.ones((3, 3), np.int64))
     observations, infos = wrapped.reset(options={"snapshot": snapshots})
     assert np.array_equal(observations["state"], state) and infos["episode_length"].tolist() == [1, 1, 1]
-    with pytest.raises(sp.InvalidRequest, match="exclude each other"):
+    with pytest.raises(sp.errors.InvalidRequest, match="exclude each other"):
         envs.reset(options={"snapshot": snapshots, "reset_mask": [True] * 3})
-    with pytest.raises(sp.InvalidRequest, match="one integer or None, got a list"):
+    with pytest.raises(sp.errors.InvalidRequest, match="one integer or None, got a list"):
         envs.reset(options={"snapshot": snapshots}, seed=[1, 2, 3])
     wrapped.close()
 

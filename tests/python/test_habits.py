@@ -127,7 +127,9 @@ def test_the_autoreset_mode_has_gymnasiums_name_and_values() -> None:
             with sp.make("3m", 1, threads=1, autoreset_mode=given) as envs:
                 assert gymnasium.vector.AutoresetMode(envs.autoreset_mode) is mode
     for wrong in ("next_step", "same-step"):
-        with pytest.raises(sp.InvalidRequest, match="must be `NextStep`, `SameStep` or `Disabled`, got"):
+        with pytest.raises(
+            sp.errors.InvalidRequest, match="must be `NextStep`, `SameStep` or `Disabled`, got"
+        ):
             sp.make("3m", 1, autoreset_mode=wrong)  # type: ignore[call-overload]
     with pytest.raises(TypeError, match="must be a string or an AutoresetMode, got int"):
         sp.make("3m", 1, autoreset_mode=1)  # type: ignore[call-overload]
@@ -206,11 +208,11 @@ def test_a_reset_takes_a_seed_per_environment() -> None:
             ([1, 2], "one per environment that is reset, 6; got 2"),
             ([0.5] * 6, r"seed\[0\]"),
         ]:
-            with pytest.raises((sp.InvalidRequest, TypeError), match=match):
+            with pytest.raises((sp.errors.InvalidRequest, TypeError), match=match):
                 envs.reset(seed=wrong)  # type: ignore[arg-type]
     with sp.make("3m", 4, batch_size=2, threads=1) as envs:
         envs.reset(seed=[5, 6, 7, 8])
-        with pytest.raises(sp.InvalidRequest, match="consecutive"):
+        with pytest.raises(sp.errors.InvalidRequest, match="consecutive"):
             envs.reset(seed=[5, 5, 5, 5])
 
 

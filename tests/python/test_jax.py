@@ -48,7 +48,7 @@ def test_an_array_keeps_its_frame_and_no_longer() -> None:
         batch = envs.step(envs.sample_actions())
         kept.append(array(batch.obs))
         del batch
-        with pytest.raises(sp.TooManyBatchesHeld):
+        with pytest.raises(sp.errors.TooManyBatchesHeld):
             envs.step(envs.sample_actions())
         kept.clear()
         gc.collect()

@@ -110,7 +110,7 @@ def test_action_numbers_and_the_targeting_range() -> None:
             after.update(envs.step([[action] * 3]).state[0])
             moved = after.positions[:3] - before.positions[:3]
             assert np.all(moved @ np.array(direction) > 0.5), action
-        with pytest.raises(sp.IllegalAction):
+        with pytest.raises(sp.errors.IllegalAction):
             envs.step([[_native.NO_OP] * 3])
         envs.step([[_native.STOP] * 3])
     targets = 0

@@ -42,7 +42,7 @@ def test_was_reset_marks_the_steps_whose_actions_are_ignored() -> None:
 
 def test_a_rollout_holds_copies_of_consecutive_batches() -> None:
     with sp.make("3m", 3) as envs:
-        rollout = sp.Rollout(envs, 6)
+        rollout = sp.extras.Rollout(envs, 6)
         rollout[0] = batch = envs.reset(seed=1)
         copies = [batch.copy()]
         for t in range(6):
@@ -57,15 +57,15 @@ def test_a_rollout_holds_copies_of_consecutive_batches() -> None:
             rollout[7] = batch
         with pytest.raises(AttributeError, match="no field 'final_obs'; it has env_id, obs"):
             rollout.final_obs  # noqa: B018
-        small = sp.Rollout(envs, 1, ["reward"])
+        small = sp.extras.Rollout(envs, 1, ["reward"])
         assert list(small.arrays) == ["reward", "was_reset"]
-        with pytest.raises(sp.InvalidRequest, match="among env_id, obs, .*, got 'rewards'"):
-            sp.Rollout(envs, 1, ["rewards"])
-        with pytest.raises(sp.InvalidRequest, match="steps must be at least 1, got 0"):
-            sp.Rollout(envs, 0)
+        with pytest.raises(sp.errors.InvalidRequest, match="among env_id, obs, .*, got 'rewards'"):
+            sp.extras.Rollout(envs, 1, ["rewards"])
+        with pytest.raises(sp.errors.InvalidRequest, match="steps must be at least 1, got 0"):
+            sp.extras.Rollout(envs, 0)
     with sp.make("3m", 4, batch_size=2) as envs:
-        with pytest.raises(sp.InvalidRequest, match="batch_size must be num_envs=4, got 2"):
-            sp.Rollout(envs, 5)
+        with pytest.raises(sp.errors.InvalidRequest, match="batch_size must be num_envs=4, got 2"):
+            sp.extras.Rollout(envs, 5)
 
 
 def first_episodes(policy: str, counts: list[int], seed: int) -> list[tuple[float, int, bool]]:
@@ -102,15 +102,15 @@ def test_an_evaluation_counts_the_first_episodes_of_every_environment() -> None:
 def test_errors_of_an_evaluation() -> None:
     with sp.make("3m", 2, autoreset_mode="Disabled") as envs:
         policy = sp.ScriptedPolicy("nearest", envs)
-        with pytest.raises(sp.InvalidRequest, match="episodes must be at least 1, got 0"):
+        with pytest.raises(sp.errors.InvalidRequest, match="episodes must be at least 1, got 0"):
             sp.evaluate(envs, policy, 0)
-        with pytest.raises(sp.InvalidRequest, match='needs autoreset_mode="NextStep" or "SameStep"'):
+        with pytest.raises(sp.errors.InvalidRequest, match='needs autoreset_mode="NextStep" or "SameStep"'):
             sp.evaluate(envs, policy, 1)
-    with sp.make("3m", 2) as envs, pytest.raises(sp.IllegalAction, match="agent 0: action 0"):
+    with sp.make("3m", 2) as envs, pytest.raises(sp.errors.IllegalAction, match="agent 0: action 0"):
         sp.evaluate(envs, lambda batch: np.full((len(batch), 3), NO_OP), 1)
 
 
-class Doubled(sp.Wrapper):
+class Doubled(sp.extras.Wrapper):
     """Doubles rewards, and counts batches."""
 
     batches = 0
@@ -120,7 +120,7 @@ class Doubled(sp.Wrapper):
         return batch.replace(reward=2 * batch.reward)
 
 
-class NorthIsStop(sp.Wrapper):
+class NorthIsStop(sp.extras.Wrapper):
     """Stops where the policy wants to go north."""
 
     def change_actions(self, actions: ArrayLike) -> ArrayLike:
@@ -128,7 +128,7 @@ class NorthIsStop(sp.Wrapper):
         return np.where(actions == NORTH, STOP, actions)
 
 
-def played(envs: sp.Envs | sp.Wrapper, policy: Any) -> list[dict[str, NDArray[Any]]]:
+def played(envs: sp.Envs | sp.extras.Wrapper, policy: Any) -> list[dict[str, NDArray[Any]]]:
     batch = envs.reset(seed=3)
     copies = [batch.copy()]
     for step in range(30):
@@ -161,7 +161,7 @@ def test_wrappers_change_batches_and_actions_and_nothing_else() -> None:
         assert same is wrapper and same.n_agents == 5 and same.batches == 31
         assert repr(same).startswith("<Doubled of <NorthIsStop of <smaclite_pool.Envs 2 x 2s3z")
         assert isinstance(wrapper.unwrapped, sp.Envs)
-    with pytest.raises(sp.Closed):
+    with pytest.raises(sp.errors.Closed):
         wrapper.reset()
     assert sum(copy["reward"].sum() for copy in expected) > 0
     for plain, doubled in zip(expected, changed, strict=True):
@@ -180,17 +180,17 @@ def test_a_changed_batch_has_the_new_fields_and_all_others() -> None:
         assert "number 1 of its lane with other reward, bonus: env_id, obs" in repr(changed)
         with pytest.raises(AttributeError, match="final_obs"):
             changed.final_obs  # noqa: B018
-        rollout = sp.Rollout(envs, 1)
+        rollout = sp.extras.Rollout(envs, 1)
         rollout[0] = changed
         assert rollout.reward[0].tolist() == [1, 1]
         wrong: list[tuple[dict[str, Any], type[Exception], str]] = [
             (
                 {"reward": np.ones(3)},
-                sp.InvalidRequest,
+                sp.errors.InvalidRequest,
                 r"reward must have one row per slot .* 2, got shape \(3,\)",
             ),
-            ({"reward": 1.0}, sp.InvalidRequest, r"reward must have one row .* got shape \(\)"),
-            ({"keys": np.ones(2)}, sp.InvalidRequest, "`keys` is an attribute of every batch"),
+            ({"reward": 1.0}, sp.errors.InvalidRequest, r"reward must have one row .* got shape \(\)"),
+            ({"keys": np.ones(2)}, sp.errors.InvalidRequest, "`keys` is an attribute of every batch"),
             ({"note": {"a": 1}}, TypeError, "note must be an array of numbers, got dict"),
         ]
         for fields, error, match in wrong:
@@ -242,7 +242,9 @@ def test_a_changed_batch_is_used_as_any_other() -> None:
                 iter(changed)
             assert np.array_equal(policy(changed), policy(batch))
             assert np.array_equal(envs.render(changed, 0), envs.render(batch, 0))
-            assert str(sp.AgentViews(envs)(changed, 0, 0)) == str(sp.AgentViews(envs)(batch, 0, 0))
+            assert str(sp.extras.AgentViews(envs)(changed, 0, 0)) == str(
+                sp.extras.AgentViews(envs)(batch, 0, 0)
+            )
         # What is replaced is what is read.
         stops = batch.replace(avail_actions=np.eye(9, dtype=bool)[[[STOP] * 3] * 2])
         assert (policy(stops) == STOP).all()
@@ -258,7 +260,7 @@ def signature(function: Any) -> list[tuple[str, Any, Any]]:
 def test_wrappers_have_the_signatures_of_what_they_wrap() -> None:
     """`reset(levels=)` was missing in `Wrapper`, so curricula could not be wrapped."""
     with sp.make("3m", 2) as envs:
-        wrapper = sp.Wrapper(envs)
+        wrapper = sp.extras.Wrapper(envs)
         for name in public(sp.Envs):
             inner, outer = getattr(envs, name), getattr(wrapper, name)
             if callable(inner):
@@ -271,7 +273,7 @@ def test_wrappers_have_the_signatures_of_what_they_wrap() -> None:
             "envs",
             "unwrapped",
         }
-        assert {name for name in public(sp.Wrapper) if name in public(sp.Envs)} >= {
+        assert {name for name in public(sp.extras.Wrapper) if name in public(sp.Envs)} >= {
             name for name in public(sp.Envs) if "Batch" in str(stub_returns().get(name))
         }
 
@@ -303,7 +305,7 @@ def test_wrappers_have_the_types_of_what_they_wrap() -> None:
 
 def test_a_list_of_seeds_goes_through_a_wrapper() -> None:
     with sp.make("3m", 2) as envs, sp.make("3m", 2) as others:
-        wrapper = sp.Wrapper(sp.Wrapper(envs))
+        wrapper = sp.extras.Wrapper(sp.extras.Wrapper(envs))
         for seed in ([7, 7], [7, None], np.array([3, 9]), 5):
             wrapped, plain = wrapper.reset(seed=seed), others.reset(seed=seed)
             assert np.array_equal(wrapped.obs, plain.obs)
@@ -316,7 +318,7 @@ def test_a_list_of_seeds_goes_through_a_wrapper() -> None:
 def test_levels_and_selections_reach_the_environments_through_a_wrapper() -> None:
     fields = ["obs", "level", "avail_actions"]
     with sp.make("3m", 2, fields=fields) as envs:
-        wrapper = sp.Wrapper(envs)
+        wrapper = sp.extras.Wrapper(envs)
         levels = envs.reset(seed=1).level.copy()
         levels[:, 0, 3] = 0.5
         assert np.array_equal(wrapper.reset(levels=levels).level, levels)
@@ -329,7 +331,7 @@ def test_levels_and_selections_reach_the_environments_through_a_wrapper() -> Non
             sp.ScriptedPolicy("nearest", 3)  # type: ignore[arg-type]
         assert policy.side == "allies"
     with sp.make("3m", 2) as envs:
-        wrapper = sp.Wrapper(sp.Wrapper(envs))
+        wrapper = sp.extras.Wrapper(sp.extras.Wrapper(envs))
         policy = sp.ScriptedPolicy("nearest", wrapper)
         assert policy(wrapper.reset(seed=1)).shape == (2, 3)
         assert sp.Renderer(wrapper).state_size == envs.state_size
@@ -373,26 +375,30 @@ def test_mistakes_in_a_call_of_evaluate_say_what_is_meant() -> None:
             evaluate(envs, policy, n_episodes=2)
         with pytest.raises(TypeError, match="policy must be a function from a batch .* got int"):
             evaluate(envs, 3, 2)
-        with pytest.raises(sp.InvalidRequest, match="unknown policy `neares`; .*did you mean `nearest`"):
+        with pytest.raises(
+            sp.errors.InvalidRequest, match="unknown policy `neares`; .*did you mean `nearest`"
+        ):
             evaluate(envs, "neares", 2)
         with pytest.raises(
-            sp.InvalidRequest, match=r"against needs environments .* make\(..., sides=\"both\"\)"
+            sp.errors.InvalidRequest, match=r"against needs environments .* make\(..., sides=\"both\"\)"
         ):
             evaluate(envs, policy, 2, against=policy)
         for alone in (policy, "nearest", lambda batch: np.ones((2, 3), int)):
-            with pytest.raises(sp.InvalidRequest, match=r"pass the policy of the enemies as against="):
+            with pytest.raises(sp.errors.InvalidRequest, match=r"pass the policy of the enemies as against="):
                 evaluate(both, alone, 2)
         with pytest.raises(
-            sp.InvalidRequest, match=r'against must be a ScriptedPolicy\(..., side="enemies"\)'
+            sp.errors.InvalidRequest, match=r'against must be a ScriptedPolicy\(..., side="enemies"\)'
         ):
             evaluate(both, policy, 2, against=sp.ScriptedPolicy("nearest", both))
-        with pytest.raises(sp.InvalidRequest, match=r'side must be `allies` .* make\(..., sides="both"\)'):
+        with pytest.raises(
+            sp.errors.InvalidRequest, match=r'side must be `allies` .* make\(..., sides="both"\)'
+        ):
             sp.ScriptedPolicy("kite", envs, side="enemies")
     assert list(inspect.signature(evaluate).parameters) == ["envs", "policy", "episodes", "seed", "against"]
 
 
 def test_a_wrapper_that_forgets_its_base_class_is_told_so() -> None:
-    class Forgetful(sp.Wrapper):
+    class Forgetful(sp.extras.Wrapper):
         def __init__(self, envs: sp.Envs) -> None:
             pass
 
@@ -425,9 +431,9 @@ def test_lanes_divide_the_environments_of_one_pool(tmp_path: Path) -> None:
 
 def test_errors_of_lanes() -> None:
     for lanes, text in [(0, "between 1 and 4 for 4 environments, got 0"), (5, "between 1 and 4 .*, got 5")]:
-        with pytest.raises(sp.InvalidRequest, match=f"lanes must be {text}"):
+        with pytest.raises(sp.errors.InvalidRequest, match=f"lanes must be {text}"):
             sp.make("3m", 4, lanes=lanes)
-    with pytest.raises(sp.InvalidRequest, match="between 1 and 64 for 100 environments, got 65"):
+    with pytest.raises(sp.errors.InvalidRequest, match="between 1 and 64 for 100 environments, got 65"):
         sp.make("3m", 100, lanes=65)
     [only] = sp.make("3m", 2, lanes=1)
     only.close()

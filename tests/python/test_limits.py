@@ -35,7 +35,7 @@ for limit in range(len(os.listdir("/proc/self/fd")), 48):
     try:
         play()
         played.append(limit)
-    except (sp.StartError, sp.ConnectError) as error:
+    except (sp.errors.StartError, sp.errors.ConnectError) as error:
         text = str(error)
     else:
         text = None
@@ -53,7 +53,7 @@ pools = []
 try:
     for _ in range(100):
         pools.append(sp.make("3m", num_envs=1, threads=1, wait="block"))
-except sp.PoolError as error:
+except sp.errors.PoolError as error:
     assert "the limit is 256" in str(error), error
 for envs in pools:
     envs.reset(seed=1, timeout=20)
@@ -79,7 +79,7 @@ resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
 try:
     play()
     print("plays")
-except sp.PoolError as error:
+except sp.errors.PoolError as error:
     print(type(error).__name__, error)
     assert "ulimit -v" in str(error), error
 except MemoryError as error:
@@ -145,7 +145,7 @@ def test_a_learner_that_a_pool_has_no_files_for_is_told_so_and_the_first_plays_o
             with sp.connect("short", "b") as second:
                 second.reset(seed=1, timeout=20)
                 second.step(second.sample_actions(), timeout=20)
-        except sp.ConnectError as error:
+        except sp.errors.ConnectError as error:
             refusals.append(str(error))
         first.step(first.sample_actions(), timeout=20)
     resource.prlimit(pool.pid, resource.RLIMIT_NOFILE, before)
@@ -160,17 +160,17 @@ def test_the_first_of_two_learners_waits_on_when_the_second_is_refused(serve: Se
     # A wait for a learner that has not come said "it is still under way", and not who was missing.
     pool = serve("arena=3m:2", "--sides", "both", "--name", "short", "--threads", "1")
     first = sp.connect("short", side="allies")
-    with pytest.raises(sp.Timeout, match="the learner of the enemies has not attached"):
+    with pytest.raises(sp.errors.Timeout, match="the learner of the enemies has not attached"):
         first.reset(seed=1, timeout=0.3)
     assert sp.status("short")["lanes"][0]["missing_side"] == "enemies"
     command = [sys.executable, "-m", "smaclite_pool", "list"]
     listed = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True).stdout
     assert f"allies: process {os.getpid()}, enemies: none" in listed
-    with pytest.raises(sp.LaneTaken, match='it plays one side, and `side="enemies"` is free'):
+    with pytest.raises(sp.errors.LaneTaken, match='it plays one side, and `side="enemies"` is free'):
         sp.connect("short")
     before = resource.prlimit(pool.pid, resource.RLIMIT_NOFILE)
     resource.prlimit(pool.pid, resource.RLIMIT_NOFILE, (first_free(pool.pid), before[1]))
-    with pytest.raises(sp.ConnectError, match="ulimit -n"):
+    with pytest.raises(sp.errors.ConnectError, match="ulimit -n"):
         sp.connect("short", side="enemies")
     resource.prlimit(pool.pid, resource.RLIMIT_NOFILE, before)
     with sp.connect("short", side="enemies") as second:

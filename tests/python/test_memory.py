@@ -124,7 +124,7 @@ def test_holding_too_many_batches_is_an_error_until_one_is_released() -> None:
         held: list[Any] = [envs.reset(seed=1).obs]  # arrays hold their frame
         held.append(envs.step(envs.sample_actions()))
         first = held[0].copy()
-        with pytest.raises(sp.TooManyBatchesHeld, match="all 2 batches"):
+        with pytest.raises(sp.errors.TooManyBatchesHeld, match="all 2 batches"):
             envs.step(envs.sample_actions())
         assert np.array_equal(held[0], first), "a held batch is never overwritten"
         held.clear()

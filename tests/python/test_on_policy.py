@@ -69,11 +69,11 @@ def test_wrong_actions_step_nothing() -> None:
     before = envs.reset().obs.copy()
     wrong = np.ones((2, 3, 1))
     wrong[1, 2] = 0
-    with pytest.raises(sp.IllegalAction) as caught:
+    with pytest.raises(sp.errors.IllegalAction) as caught:
         envs.step(wrong)
     assert (caught.value.env, caught.value.agent, caught.value.action) == (1, 2, 0)
     wrong[1, 2] = 1.5
-    with pytest.raises(sp.InvalidRequest, match="integers"):
+    with pytest.raises(sp.errors.InvalidRequest, match="integers"):
         envs.step(wrong)
     np.testing.assert_array_equal(envs.reset().obs, before)
     envs.close()
@@ -84,7 +84,7 @@ def test_attaches_to_a_pool_that_resets_in_the_same_step(serve: Serve) -> None:
     serve("2s3z:2", "--name", "other")
     attached, embedded = ShareVecEnv.connect("train"), ShareVecEnv("2s3z", 2)
     np.testing.assert_array_equal(attached.reset().share_obs, embedded.reset().share_obs)
-    with pytest.raises(sp.InvalidRequest, match="--autoreset-mode SameStep"):
+    with pytest.raises(sp.errors.InvalidRequest, match="--autoreset-mode SameStep"):
         ShareVecEnv.connect("other")
     attached.close()
     embedded.close()

@@ -136,7 +136,7 @@ def test_snapshots_and_forks_go_on_with_the_same_bits() -> None:
     with (
         sp.make("3m", num_envs=4, fields=FIELDS) as usual,
         pytest.raises(
-            sp.InvalidRequest, match="`obs_last_actions` 4, and this one has 0 .*a team that plays"
+            sp.errors.InvalidRequest, match="`obs_last_actions` 4, and this one has 0 .*a team that plays"
         ),
     ):
         usual.reset()
@@ -215,7 +215,7 @@ def test_gymnasium_shows_the_same_bits() -> None:
 def test_what_cannot_play_the_enemies_is_an_error(
     scenario: str, options: dict[str, Any], message: str
 ) -> None:
-    with pytest.raises(sp.InvalidRequest, match=message):
+    with pytest.raises(sp.errors.InvalidRequest, match=message):
         sp.make(scenario, num_envs=2, **options)
 
 

@@ -91,7 +91,7 @@ def test_smac_takes_an_opponent() -> None:
     ],
 )
 def test_what_is_no_opponent_is_an_error(opponent: object, message: str) -> None:
-    with pytest.raises(sp.InvalidRequest, match=message):
+    with pytest.raises(sp.errors.InvalidRequest, match=message):
         sp.make("3m", opponent=opponent)  # type: ignore[call-overload]
 
 

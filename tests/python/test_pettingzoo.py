@@ -92,18 +92,18 @@ def test_a_time_out_truncates_all_agents() -> None:
         stop = dict.fromkeys(env.agents, 1)
         _, _, terminations, truncations, _ = env.step(stop)
     assert not any(terminations.values()) and all(truncations.values()) and env.agents == []
-    with pytest.raises(sp.InvalidRequest, match="reset"):
+    with pytest.raises(sp.errors.InvalidRequest, match="reset"):
         env.step({})
     env.close()
 
 
 def test_invalid_calls_are_refused(env: parallel_env) -> None:
-    with pytest.raises(sp.InvalidRequest, match="reset"):
+    with pytest.raises(sp.errors.InvalidRequest, match="reset"):
         env.state()
     env.reset()
-    with pytest.raises(sp.InvalidRequest, match="agent_4"):
+    with pytest.raises(sp.errors.InvalidRequest, match="agent_4"):
         env.step(dict.fromkeys(env.agents[:4], 1))
-    with pytest.raises(sp.IllegalAction) as caught:
+    with pytest.raises(sp.errors.IllegalAction) as caught:
         env.step(dict.fromkeys(env.agents, 0))
     assert caught.value.agent == 0 and 1 in caught.value.available
 
@@ -141,7 +141,7 @@ def test_the_render_mode_is_an_argument_of_every_constructor() -> None:
         picture = made.render()
         assert picture.shape == (640, 640, 3) and picture.dtype == np.uint8 and len(np.unique(picture)) > 8
         made.close()
-        with pytest.raises(sp.InvalidRequest, match="render_mode"):
+        with pytest.raises(sp.errors.InvalidRequest, match="render_mode"):
             constructor("2s3z", render_mode="ansi")
     plain = parallel_env("2s3z")
     plain.reset()
@@ -165,7 +165,7 @@ def test_a_window_shows_every_step(monkeypatch: pytest.MonkeyPatch) -> None:
         assert len(shown) == 3 and np.array_equal(shown[1], shown[2])
         assert not np.array_equal(shown[0], shown[1])
         made.close()
-        with pytest.raises(sp.InvalidRequest, match="render_speed must be a number above 0"):
+        with pytest.raises(sp.errors.InvalidRequest, match="render_speed must be a number above 0"):
             constructor("2s3z", render_speed=-1)
 
 
@@ -219,7 +219,7 @@ def test_a_plain_observation_has_its_mask_in_the_info(env: parallel_env) -> None
         seen, *_ = env.step(actions)
         bare, *_, infos = plain.step(actions)
     plain.close()
-    with pytest.raises(sp.InvalidRequest, match='"observation" or "info", got \'obs\''):
+    with pytest.raises(sp.errors.InvalidRequest, match='"observation" or "info", got \'obs\''):
         parallel_env("3m", action_mask="obs")  # type: ignore[arg-type]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -235,7 +235,7 @@ def test_agents_stop_instead_of_an_unavailable_action(sides: str) -> None:
     while env.agents:
         env.step({agent: int(env.action_space(agent).n) - 1 for agent in env.agents})
     env.close()
-    with pytest.raises(sp.InvalidRequest, match="illegal_actions"):
+    with pytest.raises(sp.errors.InvalidRequest, match="illegal_actions"):
         parallel_env("3m", illegal_actions="ignore")  # type: ignore[arg-type]
 
 

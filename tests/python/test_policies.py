@@ -118,14 +118,16 @@ def test_errors_say_what_is_accepted() -> None:
     ):
         unknown: Any = "greedy"
         names = "the policies are random, nearest, focus_fire, kite, hold"
-        with pytest.raises(sp.InvalidRequest, match=f"unknown policy `greedy`; {names}"):
+        with pytest.raises(sp.errors.InvalidRequest, match=f"unknown policy `greedy`; {names}"):
             sp.ScriptedPolicy(unknown, envs)
-        with pytest.raises(sp.InvalidRequest, match="but this lane omits `avail_actions`"):
+        with pytest.raises(sp.errors.InvalidRequest, match="but this lane omits `avail_actions`"):
             sp.ScriptedPolicy("hold", partial)
-        with pytest.raises(sp.InvalidRequest, match="seed must not be negative, got -1"):
+        with pytest.raises(sp.errors.InvalidRequest, match="seed must not be negative, got -1"):
             sp.ScriptedPolicy("random", envs, seed=-1)
         policy = sp.ScriptedPolicy("hold", envs)
-        with pytest.raises(sp.InvalidRequest, match="for 3 against 3 units .*, got a batch with 5 against 5"):
+        with pytest.raises(
+            sp.errors.InvalidRequest, match="for 3 against 3 units .*, got a batch with 5 against 5"
+        ):
             policy(others.reset())
         with pytest.raises(AttributeError, match="do not include `avail_actions`"):
             policy(partial.reset())

@@ -87,7 +87,7 @@ class Player:
         """Plays; returns whether the pool died, and the generation at the end."""
         try:
             self.play(steps)
-        except sp.PoolDied:
+        except sp.errors.PoolDied:
             self.lane.reattach()
             self.reset()
             self.play(3)
@@ -167,7 +167,7 @@ def test_a_killed_actor_is_restarted_and_leaves_no_second_pool(fleet: Fleet) -> 
 
 
 def test_a_pool_that_cannot_start_says_why(cluster: Cluster) -> None:
-    with pytest.raises(sp.StartError, match="2s3zz.* is neither a standard scenario"):
+    with pytest.raises(sp.errors.StartError, match="2s3zz.* is neither a standard scenario"):
         start("2s3zz", name="wrong")
     start("2s3z", 2, name="wrong").stop()  # nothing is in the way
 
@@ -193,7 +193,7 @@ def test_a_pool_that_cannot_run_is_not_started_without_end(monkeypatch: pytest.M
     assert not watched._watch.is_alive() and watched.starts == 5
     pauses = [back_off(failures) for failures in (1, 2, 3, 4, 100)]
     assert pauses == [0.05, 0.1, 0.2, 0.4, MAX_BACKOFF]
-    with pytest.raises(sp.StartError, match=r"given up after 5 starts.*no luck") as caught:
+    with pytest.raises(sp.errors.StartError, match=r"given up after 5 starts.*no luck") as caught:
         watched.running(timeout=1)
     assert len(str(caught.value)) < 5000
     watched.stop()

@@ -52,7 +52,7 @@ def test_a_recorder_beside_the_learner_keeps_the_newest_episodes(serve: Serve, t
     serve("2s3z:4", "--name", "train")
     path = tmp_path / "two.smreplay"
     with sp.connect("train") as envs, sp.Recorder("train", env_id=[1, 3], episodes=2) as recorder:
-        with pytest.raises(sp.InvalidRequest, match="no episode began"):
+        with pytest.raises(sp.errors.InvalidRequest, match="no episode began"):
             recorder.save(path)
         envs.reset(seed=1)
         play(envs, 400)
@@ -60,7 +60,7 @@ def test_a_recorder_beside_the_learner_keeps_the_newest_episodes(serve: Serve, t
         recorder.save(path)
         # Two complete episodes of both environments, and what the present ones have played.
         assert 4 <= len(episodes(path)) <= 6
-    with pytest.raises(sp.Closed):
+    with pytest.raises(sp.errors.Closed):
         recorder.save(path)
 
 
@@ -140,18 +140,18 @@ def test_environments_without_an_episode_write_nothing(tmp_path: Path) -> None:
 
 
 def test_wrong_arguments_name_what_is_accepted(tmp_path: Path) -> None:
-    with pytest.raises(sp.InvalidRequest, match="record must end in .smreplay, got 'a.html'"):
+    with pytest.raises(sp.errors.InvalidRequest, match="record must end in .smreplay, got 'a.html'"):
         sp.make("3m", 1, record="a.html")
-    with pytest.raises(sp.NoSuchPool, match="no pool named `train`"):
+    with pytest.raises(sp.errors.NoSuchPool, match="no pool named `train`"):
         sp.Recorder("train")
     with sp.make("3m", 2) as envs:
-        with pytest.raises(sp.ConnectError, match="env_id must be below 2, .* got 2"):
+        with pytest.raises(sp.errors.ConnectError, match="env_id must be below 2, .* got 2"):
             sp.Recorder(envs.name, env_id=2)
-        with pytest.raises(sp.InvalidRequest, match="episodes must be between 1 and 1000, got 0"):
+        with pytest.raises(sp.errors.InvalidRequest, match="episodes must be between 1 and 1000, got 0"):
             sp.Recorder(envs.name, episodes=0)
-        with pytest.raises(sp.InvalidRequest, match="env_id"):
+        with pytest.raises(sp.errors.InvalidRequest, match="env_id"):
             sp.Recorder(envs.name, env_id=-1)
-        with sp.Recorder(envs.name) as recorder, pytest.raises(sp.InvalidRequest, match=r"\.smreplay"):
+        with sp.Recorder(envs.name) as recorder, pytest.raises(sp.errors.InvalidRequest, match=r"\.smreplay"):
             recorder.save(tmp_path / "a.gif")
     (tmp_path / "missing").mkdir()
     envs = sp.make("3m", 1, record=tmp_path / "missing" / "a.smreplay")

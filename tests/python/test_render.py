@@ -102,7 +102,9 @@ def test_a_sheet_has_a_caption_per_picture() -> None:
         assert np.array_equal(named, envs.render(batch, None, renderer, captions=["won", "lost", "lost"]))
         some = envs.render(batch, [2, 0], renderer, captions=["a", "b"])
         assert np.array_equal(some, renderer.sheet(batch.state[[2, 0]], captions=["a", "b"]))
-        with pytest.raises(sp.InvalidRequest, match="captions must have one string per picture, 3, got 2"):
+        with pytest.raises(
+            sp.errors.InvalidRequest, match="captions must have one string per picture, 3, got 2"
+        ):
             envs.render(batch, captions=["a", "b"])
         expected = r"captions must be a list of strings, such as \[\"first\"\], got int"
         with pytest.raises(TypeError, match=expected):
@@ -112,7 +114,7 @@ def test_a_sheet_has_a_caption_per_picture() -> None:
 def test_without_a_batch_the_newest_one_is_drawn() -> None:
     renderer = sp.Renderer("3m", 64, 48)
     with sp.make("3m", 2) as envs:
-        with pytest.raises(sp.InvalidRequest, match="there is no batch to draw"):
+        with pytest.raises(sp.errors.InvalidRequest, match="there is no batch to draw"):
             envs.render(env_id=1)
         first = envs.reset(seed=1)
         assert np.array_equal(envs.render(env_id=1, renderer=renderer), renderer.render(first.state[1]))
@@ -125,33 +127,39 @@ def test_without_a_batch_the_newest_one_is_drawn() -> None:
 
 
 def test_errors_say_what_is_accepted() -> None:
-    with pytest.raises(sp.InvalidRequest, match=r"between 16 and 4096 pixels, got 15 x 512"):
+    with pytest.raises(sp.errors.InvalidRequest, match=r"between 16 and 4096 pixels, got 15 x 512"):
         sp.Renderer("2s3z", 15)
-    with pytest.raises(sp.InvalidRequest, match="height must not be negative, got -1"):
+    with pytest.raises(sp.errors.InvalidRequest, match="height must not be negative, got -1"):
         sp.Renderer("2s3z", height=-1)
     with pytest.raises(TypeError, match="width must be an integer, got str"):
         sp.Renderer("2s3z", "512")  # type: ignore[arg-type]
-    with pytest.raises(sp.InvalidRequest, match='theme must be "dark" or "light", got `blue`'):
+    with pytest.raises(sp.errors.InvalidRequest, match='theme must be "dark" or "light", got `blue`'):
         sp.Renderer("2s3z", theme="blue")  # type: ignore[arg-type]
-    with pytest.raises(sp.ScenarioError, match="no_such"):
+    with pytest.raises(sp.errors.ScenarioError, match="no_such"):
         sp.Renderer("no_such")
     renderer = sp.Renderer("2s3z", 64, 64)
     n = renderer.state_size
-    with pytest.raises(sp.InvalidRequest, match=rf"state must be a float32 array of shape \({n},\), got"):
+    with pytest.raises(
+        sp.errors.InvalidRequest, match=rf"state must be a float32 array of shape \({n},\), got"
+    ):
         renderer.render(np.zeros(3, np.float32))
     with pytest.raises(TypeError, match="state must be a float32 array, got int64"):
         renderer.render(np.zeros(n, np.int64))
-    with pytest.raises(sp.InvalidRequest, match=rf"states must be .* of shape \(K, {n}\), got \({n},\)"):
+    with pytest.raises(
+        sp.errors.InvalidRequest, match=rf"states must be .* of shape \(K, {n}\), got \({n},\)"
+    ):
         renderer.sheet(np.zeros(n, np.float32))
     states = np.zeros((2, n), np.float32)
-    with pytest.raises(sp.InvalidRequest, match="states must have at least one row, got none"):
+    with pytest.raises(sp.errors.InvalidRequest, match="states must have at least one row, got none"):
         renderer.sheet(states[:0])
-    with pytest.raises(sp.InvalidRequest, match="env_id must have one number per row of states, 2, got 3"):
+    with pytest.raises(
+        sp.errors.InvalidRequest, match="env_id must have one number per row of states, 2, got 3"
+    ):
         renderer.sheet(states, [1, 2, 3])
-    with pytest.raises(sp.InvalidRequest, match="columns must be at least 1, or None, got 0"):
+    with pytest.raises(sp.errors.InvalidRequest, match="columns must be at least 1, or None, got 0"):
         renderer.sheet(states, columns=0)
     many = np.broadcast_to(states[0], (300_000, n))
-    with pytest.raises(sp.InvalidRequest, match="a sheet of 300000 pictures is too large.*16384"):
+    with pytest.raises(sp.errors.InvalidRequest, match="a sheet of 300000 pictures is too large.*16384"):
         renderer.sheet(many)
 
 
@@ -170,15 +178,15 @@ def test_a_pool_draws_the_environments_of_a_batch() -> None:
         assert np.array_equal(some, renderer.sheet(batch.state[[3, 1]], [3, 1]))
         assert np.array_equal(envs.render(batch), sp.Renderer("3m", 256, 256).sheet(batch.state))
         for env in (4, 2**40):
-            with pytest.raises(sp.InvalidRequest, match="env_id must be"):
+            with pytest.raises(sp.errors.InvalidRequest, match="env_id must be"):
                 envs.render(batch, env)
-        with pytest.raises(sp.InvalidRequest, match="env_id must be between 0 and 3, got 7"):
+        with pytest.raises(sp.errors.InvalidRequest, match="env_id must be between 0 and 3, got 7"):
             envs.render(batch, [0, 7])
-        with pytest.raises(sp.InvalidRequest, match="env_id must not be negative, got -1"):
+        with pytest.raises(sp.errors.InvalidRequest, match="env_id must not be negative, got -1"):
             envs.render(batch, -1)
-        with pytest.raises(sp.InvalidRequest, match="at least one environment"):
+        with pytest.raises(sp.errors.InvalidRequest, match="at least one environment"):
             envs.render(batch, [])
-        with pytest.raises(sp.InvalidRequest, match="must have .*, as in `2s3z` of the renderer, got"):
+        with pytest.raises(sp.errors.InvalidRequest, match="must have .*, as in `2s3z` of the renderer, got"):
             envs.render(batch, 0, sp.Renderer("2s3z"))
 
 
@@ -196,7 +204,7 @@ def test_an_environment_must_be_in_the_batch() -> None:
         present = batch.env_id.tolist()
         absent = next(env for env in range(4) if env not in present)
         assert is_picture(envs.render(batch, present[1]), 512, 512)
-        with pytest.raises(sp.InvalidRequest, match=f"environment {absent} is not in this batch"):
+        with pytest.raises(sp.errors.InvalidRequest, match=f"environment {absent} is not in this batch"):
             envs.render(batch, absent)
 
 
@@ -298,7 +306,7 @@ def test_a_window_shows_each_picture_for_a_step(
 
 @pytest.mark.parametrize("speed", [0, -1.0, float("nan"), float("inf"), "slow"])
 def test_a_wrong_speed_is_refused(speed: Any) -> None:
-    with pytest.raises(sp.InvalidRequest, match="render_speed must be a number above 0, or None"):
+    with pytest.raises(sp.errors.InvalidRequest, match="render_speed must be a number above 0, or None"):
         BattleViewer("3m", 80, 60, speed=speed)
 
 
@@ -309,7 +317,7 @@ def test_a_window_without_a_display_is_an_error(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setitem(sys.modules, "pygame", pygame)
     state = a_state()
     for _ in range(2):
-        with pytest.raises(sp.PoolError, match='needs a display, .* use render_mode="rgb_array"'):
+        with pytest.raises(sp.errors.PoolError, match='needs a display, .* use render_mode="rgb_array"'):
             BattleViewer("3m", 80, 60).show(state)
     assert pygame.calls == ["init", "quit"] * 2
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
@@ -319,12 +327,12 @@ def test_a_window_without_a_display_is_an_error(monkeypatch: pytest.MonkeyPatch)
         raise RuntimeError("x11 not available")
 
     pygame.display.init = fail
-    with pytest.raises(sp.PoolError, match=r"needs a display.*\(x11 not available\)"):
+    with pytest.raises(sp.errors.PoolError, match=r"needs a display.*\(x11 not available\)"):
         BattleViewer("3m", 80, 60).show(state)
 
 
 def test_a_window_without_pygame_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pygame", None)
     viewer = BattleViewer("3m", 80, 60)
-    with pytest.raises(sp.PoolError, match="pip install pygame"):
+    with pytest.raises(sp.errors.PoolError, match="pip install pygame"):
         viewer.show(np.zeros(sp.Renderer("3m").state_size, np.float32))

@@ -75,13 +75,13 @@ def test_options_change_rewards_and_nothing_else() -> None:
     ],
 )
 def test_invalid_options_are_refused(rewards: dict[str, Any], message: str) -> None:
-    with pytest.raises(sp.ScenarioError, match=message):
+    with pytest.raises(sp.errors.ScenarioError, match=message):
         sp.make("3m", 1, rewards=rewards)
 
 
 def test_scenarios_with_smacv2s_options_have_their_own() -> None:
     name = sp.scenarios(generated=True)[0]
-    with pytest.raises(sp.ScenarioError, match="`rewards` must be left out beside `smacv2`"):
+    with pytest.raises(sp.errors.ScenarioError, match="`rewards` must be left out beside `smacv2`"):
         sp.make("3m", 1, rewards={"reward_win": 1}, smacv2={})
     with sp.make(name, 1, smacv2={"reward_win": 77}) as envs:
         assert envs.rewards["reward_win"] == 77
@@ -136,7 +136,7 @@ def test_replays_snapshots_and_followers_have_the_rewards(tmp_path: Path) -> Non
     assert done.returncode == 0, done.stderr
     with sp.make("3s_vs_5z", 1, fields=["snapshot"]) as other:
         other.reset()
-        with pytest.raises(sp.InvalidRequest, match="scenario"):
+        with pytest.raises(sp.errors.InvalidRequest, match="scenario"):
             other.restore(snapshot)
 
 

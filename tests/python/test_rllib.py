@@ -100,7 +100,7 @@ def test_a_policy_per_side_learns(runtime_dir: Path) -> None:
 
 
 def test_pictures(env: BattleMultiAgentEnv) -> None:
-    with pytest.raises(sp.InvalidRequest, match="reset"):
+    with pytest.raises(sp.errors.InvalidRequest, match="reset"):
         env.render()
     env.reset(seed=5)
     picture = env.render()
@@ -121,12 +121,12 @@ def test_a_window_shows_every_step(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_invalid_calls_are_refused(env: BattleMultiAgentEnv) -> None:
-    with pytest.raises(sp.InvalidRequest, match="reset"):
+    with pytest.raises(sp.errors.InvalidRequest, match="reset"):
         env.step({})
     env.reset()
-    with pytest.raises(sp.InvalidRequest, match="agent_4"):
+    with pytest.raises(sp.errors.InvalidRequest, match="agent_4"):
         env.step(dict.fromkeys(list(env.agents)[:4], 1))
-    with pytest.raises(sp.IllegalAction):
+    with pytest.raises(sp.errors.IllegalAction):
         env.step(dict.fromkeys(env.agents, 0))
 
 

@@ -290,12 +290,12 @@ def test_unsupported_options_are_refused_with_the_reason() -> None:
         options: dict[str, Any] = {name: value}
         with pytest.raises(Unavailable, match=reason) as caught:
             MultiAgentEnv("2s3z", **options)
-        assert isinstance(caught.value, sp.PoolError | NotImplementedError)
-    with pytest.raises(sp.ScenarioError, match="2s3z"):
+        assert isinstance(caught.value, sp.errors.PoolError | NotImplementedError)
+    with pytest.raises(sp.errors.ScenarioError, match="2s3z"):
         MultiAgentEnv("no_such_map")
-    with pytest.raises(sp.InvalidRequest, match="episode limit"):
+    with pytest.raises(sp.errors.InvalidRequest, match="episode limit"):
         MultiAgentEnv("2s3z", obs_timestep_number=True, episode_limit=None)
-    with pytest.raises(sp.ScenarioError, match="reward_scale_rate"):
+    with pytest.raises(sp.errors.ScenarioError, match="reward_scale_rate"):
         MultiAgentEnv("2s3z", reward_scale_rate=0)
 
 
@@ -303,11 +303,11 @@ def test_an_illegal_action_steps_nothing() -> None:
     env = MultiAgentEnv("2s3z", seed=1)
     env.reset()
     before = env.get_state()
-    with pytest.raises(sp.IllegalAction) as caught:
+    with pytest.raises(sp.errors.IllegalAction) as caught:
         env.step([1, 1, 0, 1, 1])  # no-op is for dead agents
     assert (caught.value.agent, caught.value.action) == (2, 0)
     for wrong in ([1, 1, 1.5, 1, 1], [1, 1, 1, 1]):
-        with pytest.raises(sp.InvalidRequest):
+        with pytest.raises(sp.errors.InvalidRequest):
             env.step(wrong)
     np.testing.assert_array_equal(env.get_state(), before)
     env.step([1.0, np.int64(1), np.float32(1), True, 1])
@@ -353,7 +353,7 @@ def test_the_heuristic_uses_available_actions_and_writes_them_back(scenario: str
 
 def test_a_saved_replay_plays_again(tmp_path: Path) -> None:
     env = MultiAgentEnv("2s3z", seed=4, replay_dir=str(tmp_path / "new"), replay_prefix="mine")
-    with pytest.raises(sp.InvalidRequest, match="reset"):
+    with pytest.raises(sp.errors.InvalidRequest, match="reset"):
         env.save_replay()
     play([env], 12)
     path = env.save_replay()
@@ -378,7 +378,7 @@ def test_a_picture_shows_units_where_they_stand() -> None:
     assert to_enemy @ offset > 0.98 * np.linalg.norm(to_enemy) * np.linalg.norm(offset)
     env.step([4, 4])
     assert not np.array_equal(picture, env.render(mode="rgb_array"))
-    with pytest.raises(sp.InvalidRequest, match="mode must be"):
+    with pytest.raises(sp.errors.InvalidRequest, match="mode must be"):
         env.render(mode="ansi")  # type: ignore[arg-type]
     env.close()
 

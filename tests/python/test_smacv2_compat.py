@@ -123,16 +123,16 @@ def test_what_a_reset_and_a_step_return() -> None:
 def test_an_unavailable_action_is_an_assertion_error_with_smacv2s_text() -> None:
     """TorchRL compares the text, to tell its users about masks."""
     env, battle = made()
-    with pytest.raises(sp.InvalidRequest, match="call reset first"):
+    with pytest.raises(sp.errors.InvalidRequest, match="call reset first"):
         env.step(idle(env))
     env.reset()
     for action in (0, -1, 11):
         with pytest.raises(AssertionError, match=rf"^Agent 2 cannot perform action {action}") as caught:
             env.step([1, 1, action, 1, 1])
-        assert isinstance(caught.value, sp.IllegalAction)
+        assert isinstance(caught.value, sp.errors.IllegalAction)
         again = pickle.loads(pickle.dumps(caught.value))
         assert (again.agent, again.action, again.available) == (2, action, list(range(1, 11)))
-    with pytest.raises(sp.InvalidRequest, match="one per agent, 5, got 4"):
+    with pytest.raises(sp.errors.InvalidRequest, match="one per agent, 5, got 4"):
         env.step([1] * 4)
     assert battle.steps == 0
 
@@ -146,7 +146,7 @@ def test_time_outs_and_statistics() -> None:
         env.reset()
         ends = [env.step(idle(env)) for _ in range(2)]
         assert [ended for _, ended, _ in ends] == [False, True]
-        with pytest.raises(sp.InvalidRequest, match="has ended"):
+        with pytest.raises(sp.errors.InvalidRequest, match="has ended"):
             env.step(idle(env))
         battle.ends = {1: {"episode_limit": True}}
         env.reset()
@@ -241,7 +241,7 @@ def env() -> Iterator[StarCraftCapabilityEnvWrapper]:
 
 
 def test_pictures(monkeypatch: pytest.MonkeyPatch, env: StarCraftCapabilityEnvWrapper) -> None:
-    with pytest.raises(sp.InvalidRequest, match="call reset first"):
+    with pytest.raises(sp.errors.InvalidRequest, match="call reset first"):
         env.render()
     small = StarCraft2Env(
         "10gen_zerg", capability_config=standard("zerg"), seed=0, window_size_x=64, window_size_y=48
@@ -255,12 +255,12 @@ def test_pictures(monkeypatch: pytest.MonkeyPatch, env: StarCraftCapabilityEnvWr
     assert np.array_equal(shown, [picture])
     small.reset()
     assert not np.array_equal(small.render("rgb_array"), picture)
-    with pytest.raises(sp.InvalidRequest, match="got 'ansi'"):
+    with pytest.raises(sp.errors.InvalidRequest, match="got 'ansi'"):
         small.render("ansi")
     small.close()
     tiny = StarCraft2Env("3m", window_size_x=8)
     tiny.reset()
-    with pytest.raises(sp.InvalidRequest, match="16"):
+    with pytest.raises(sp.errors.InvalidRequest, match="16"):
         tiny.render("rgb_array")
 
 

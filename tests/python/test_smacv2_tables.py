@@ -42,7 +42,7 @@ def test_the_map_table_of_smacv2() -> None:
         "MMM2": ("T", "T", "MMM"), "3s_vs_5z": ("P", "P", "stalkers"), "2s_vs_1sc": ("P", "Z", "stalkers"),
         "bane_vs_bane": ("Z", "Z", "bane"),
     }  # fmt: skip
-    with pytest.raises(sp.InvalidRequest, match="got '10gen_tosh'"):
+    with pytest.raises(sp.errors.InvalidRequest, match="got '10gen_tosh'"):
         smacv2.get_map_params("10gen_tosh")
 
 
@@ -224,7 +224,7 @@ REFUSED: list[tuple[str, dict[str, Any], str]] = [
 
 @pytest.mark.parametrize(("map_name", "config", "message"), REFUSED)
 def test_what_is_refused_says_why(map_name: str, config: dict[str, Any], message: str) -> None:
-    with pytest.raises((sp.InvalidRequest, Unavailable), match=message):
+    with pytest.raises((sp.errors.InvalidRequest, Unavailable), match=message):
         scenario_of(map_name, config, {})
 
 
@@ -239,7 +239,7 @@ def test_distributions_of_forks() -> None:
     """Forks copy the wrapper, which makes distributions and hands what they draw to the environment."""
     made = smacv2.get_distribution("weighted_teams")({"env_key": "team_gen", "dist_type": "weighted_teams"})
     assert isinstance(made, smacv2.Distribution) and list(made.generate()) == ["team_gen"]
-    with pytest.raises(sp.InvalidRequest, match="got 'mine'"):
+    with pytest.raises(sp.errors.InvalidRequest, match="got 'mine'"):
         smacv2.get_distribution("mine")
     own = type("Own", (smacv2.Distribution,), {})
     smacv2.register_distribution("mine", own)

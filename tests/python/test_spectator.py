@@ -23,7 +23,7 @@ while True:
     try:
         spectator = sp.Spectator("train")
         break
-    except sp.ConnectError:  # the place of the one before is free when the pool notices its end
+    except sp.errors.ConnectError:  # the place of the one before is free when the pool notices its end
         if time.monotonic() > end:
             raise
         time.sleep(0.01)
@@ -48,13 +48,13 @@ def test_a_spectator_sees_the_newest_batch(serve: Serve) -> None:
             del seen, batch
         kept = spectator.latest()
     assert kept is not None and kept.state.any(), "it stays valid"
-    with pytest.raises(sp.Closed):
+    with pytest.raises(sp.errors.Closed):
         spectator.latest()
 
 
 def test_a_spectator_of_an_embedded_pool_holds_at_most_two_batches() -> None:
     with sp.make("3m", 2) as envs, sp.Spectator(envs.name) as spectator:
-        with pytest.raises(sp.ConnectError, match="1 spectators"):
+        with pytest.raises(sp.errors.ConnectError, match="1 spectators"):
             sp.Spectator(envs.name)
         held = []
         envs.reset(seed=1)
@@ -63,12 +63,12 @@ def test_a_spectator_of_an_embedded_pool_holds_at_most_two_batches() -> None:
         held.append(spectator.latest())
         for _ in range(10):
             envs.step(envs.sample_actions())  # the learner does not notice
-        with pytest.raises(sp.TooManyBatchesHeld, match="all 2 batches"):
+        with pytest.raises(sp.errors.TooManyBatchesHeld, match="all 2 batches"):
             spectator.latest()
         del held[0]
         envs.step(envs.sample_actions())
         assert spectator.latest() is not held[0]
-    with sp.make("3m", 1, spectators=0) as envs, pytest.raises(sp.ConnectError, match="0 spectators"):
+    with sp.make("3m", 1, spectators=0) as envs, pytest.raises(sp.errors.ConnectError, match="0 spectators"):
         sp.Spectator(envs.name)
 
 
@@ -118,14 +118,14 @@ def test_a_forked_child_and_a_dead_pool_are_errors() -> None:
     if child == 0:
         try:
             spectator.latest()
-        except sp.Forked:
+        except sp.errors.Forked:
             os._exit(7)
         os._exit(1)
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 7
     assert spectator.latest() is not None
     envs.close()
-    with pytest.raises(sp.PoolDied):
+    with pytest.raises(sp.errors.PoolDied):
         for _ in range(3):
             spectator.latest()
-    with pytest.raises(sp.NoSuchPool):
+    with pytest.raises(sp.errors.NoSuchPool):
         sp.Spectator("nothing")

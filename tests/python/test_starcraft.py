@@ -58,7 +58,9 @@ def test_a_battle_goes_on_from_the_middle_of_its_attacks() -> None:
         # Edited columns are packed, and checked: a hit cannot be in flight to a unit that does not exist.
         columns = all_columns[0]
         columns["hit_target"][:] = 99
-        with pytest.raises(sp.InvalidRequest, match="'hit_target' must be between -1 and 15 for unit 0"):
+        with pytest.raises(
+            sp.errors.InvalidRequest, match="'hit_target' must be between -1 and 15 for unit 0"
+        ):
             sp.pack_snapshot(columns, envs)
 
 

@@ -95,7 +95,7 @@ def test_a_team_of_several_maps_plays_others_as_the_program_does(tmp_path: Path)
 
 def test_a_team_of_one_map_plays_no_other(folder: Path) -> None:
     expected = "the team was trained in `3m` and plays that alone"
-    with pytest.raises(sp.InvalidRequest, match=expected):
+    with pytest.raises(sp.errors.InvalidRequest, match=expected):
         sp.load_team(folder, map="8m")
     done = program("evaluate", folder, "--map", "8m")
     assert done.returncode == 1 and expected in done.stderr
@@ -116,34 +116,34 @@ def test_a_network_that_is_unknown_is_an_error(tmp_path: Path) -> None:
     text = (tmp_path / "run/run.json").read_text()
     (tmp_path / "run/run.json").write_text(text.replace('"hidden"', '"network": "graph", "hidden"'))
     expected = r'run\.json.*`network` must be "flat", "units" or "universal", got "graph"'
-    with pytest.raises(sp.InvalidRequest, match=expected):
+    with pytest.raises(sp.errors.InvalidRequest, match=expected):
         sp.load_team(tmp_path / "run")
 
 
 def test_what_holds_no_team_is_an_error(tmp_path: Path, folder: Path) -> None:
-    with pytest.raises(sp.InvalidRequest, match=r"is not the folder of a run .*: it has no run\.json"):
+    with pytest.raises(sp.errors.InvalidRequest, match=r"is not the folder of a run .*: it has no run\.json"):
         sp.load_team(tmp_path)
     team = sp.load_team(folder)
     with (
         sp.make("8m", num_envs=2) as envs,
-        pytest.raises(sp.InvalidRequest, match=r"observations \[M, 3, 39\], got \[2, 8, 80\]"),
+        pytest.raises(sp.errors.InvalidRequest, match=r"observations \[M, 3, 39\], got \[2, 8, 80\]"),
     ):
         team(envs.reset())
 
 
 def test_errors_of_the_program_are_raised(tmp_path: Path, folder: Path) -> None:
-    with pytest.raises(sp.InvalidRequest, match="already holds a run"):
+    with pytest.raises(sp.errors.InvalidRequest, match="already holds a run"):
         sp.train("3m", folder, steps=100)
-    with pytest.raises(sp.InvalidRequest, match="did you mean `3m`|unknown scenario `3mm`"):
+    with pytest.raises(sp.errors.InvalidRequest, match="did you mean `3m`|unknown scenario `3mm`"):
         sp.train("3mm", tmp_path / "a", steps=100)
-    with pytest.raises(sp.InvalidRequest) as raised:
+    with pytest.raises(sp.errors.InvalidRequest) as raised:
         sp.train("3m", tmp_path / "b", steps=100, learning_rate=0.1)
     assert str(raised.value) == "unknown keyword `learning_rate` found"  # the usage of a program followed
     with pytest.raises(
-        sp.InvalidRequest, match="invalid value '1' for `hidden`: must be a whole number between 2"
+        sp.errors.InvalidRequest, match="invalid value '1' for `hidden`: must be a whole number between 2"
     ):
         sp.train("3m", tmp_path / "c", hidden=[1, "x"])
-    with pytest.raises(sp.InvalidRequest, match="`league_size` need `opponent` league"):
+    with pytest.raises(sp.errors.InvalidRequest, match="`league_size` need `opponent` league"):
         sp.train("3m", tmp_path / "d", league_every=5)
 
 
@@ -152,7 +152,7 @@ def test_options_that_do_not_train_one_team_are_refused_before_the_training(
     option: str, tmp_path: Path
 ) -> None:
     """With `seeds=3`, three teams were trained to the end, and then none of them was found."""
-    with pytest.raises(sp.InvalidRequest, match=f"`{option}` is no option of `train`"):
+    with pytest.raises(sp.errors.InvalidRequest, match=f"`{option}` is no option of `train`"):
         sp.train("3m", tmp_path / "run", steps=100, **{option: 3})  # type: ignore[arg-type]
     assert not list(tmp_path.iterdir())
 
@@ -197,10 +197,12 @@ def test_teams_of_the_zoo_have_names(tmp_path: Path, folder: Path, monkeypatch: 
     monkeypatch.chdir(folder.parent)  # a folder of that name is taken
     assert repr(sp.load_team("3m")) == "<Team '3m', sampled actions>"
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(sp.InvalidRequest, match=r"^the zoo has no team `4m`; it has 10m_vs_11m, "):
+    with pytest.raises(sp.errors.InvalidRequest, match=r"^the zoo has no team `4m`; it has 10m_vs_11m, "):
         sp.load_team("zoo:4m")
     # "[Errno 2] No such file or directory: '3n/run.json'" was all that it said.
-    with pytest.raises(sp.InvalidRequest, match=r"no folder `3n`, and the zoo has no team `3n`; it has .*3m"):
+    with pytest.raises(
+        sp.errors.InvalidRequest, match=r"no folder `3n`, and the zoo has no team `3n`; it has .*3m"
+    ):
         sp.load_team("3n")
 
 
@@ -213,7 +215,7 @@ def test_the_best_weights_play_unless_others_are_named(tmp_path: Path) -> None:
     teams = [sp.load_team(tmp_path / "run", weights=weights) for weights in (None, "best", "last")]
     default, best, last = (team.logits(obs) for team in teams)
     assert (default == best).all() and (best != last).any()
-    with pytest.raises(sp.InvalidRequest, match='weights must be None, "best" or "last"'):
+    with pytest.raises(sp.errors.InvalidRequest, match='weights must be None, "best" or "last"'):
         sp.load_team(tmp_path / "run", weights="worst")  # type: ignore[arg-type]
 
 
@@ -234,9 +236,9 @@ def test_arguments_are_those_of_python(tmp_path: Path) -> None:
     assert team.config["hidden"] == [16, 8] and team.config["enemies"] == {"team": {"folder": "zoo:3m"}}
     team = sp.train("3m", tmp_path / "b", opponent="self", zero_sum=True, evaluate_every=None, **small)
     assert team.config["enemies"]["self_play"]["zero_sum"] is True
-    with pytest.raises(sp.InvalidRequest, match="^`--help` is neither a standard scenario"):
+    with pytest.raises(sp.errors.InvalidRequest, match="^`--help` is neither a standard scenario"):
         sp.train("--help", tmp_path / "c", steps=500)
-    with pytest.raises(sp.InvalidRequest, match="a team with default weights and sampled actions"):
+    with pytest.raises(sp.errors.InvalidRequest, match="a team with default weights and sampled actions"):
         sp.train("3m", tmp_path / "d", opponent=sp.load_team("3m", greedy=True))
 
 
@@ -334,7 +336,9 @@ def test_a_training_that_is_ended_from_outside_can_be_continued(tmp_path: Path) 
             argv.extend(found.stdout.split())
             os.kill(int(argv[0]), signal.SIGTERM)
 
-    with pytest.raises(sp.PoolError, match=r"signal 15 ended the training; .* --resume .*run` continues"):
+    with pytest.raises(
+        sp.errors.PoolError, match=r"signal 15 ended the training; .* --resume .*run` continues"
+    ):
         sp.train("3m", run, steps=10**8, on_update=end, num_envs=8, horizon=16, threads=1)
     continues(run)
 
@@ -356,7 +360,7 @@ def test_damaged_weights_are_refused(how: str, why: str, folder: Path, tmp_path:
     shutil.copytree(folder, tmp_path / "run")
     path = tmp_path / "run/weights.safetensors"
     path.write_bytes(damaged(path.read_bytes(), how))
-    with pytest.raises(sp.InvalidRequest, match=f"weights.safetensors` is damaged .*{why}"):
+    with pytest.raises(sp.errors.InvalidRequest, match=f"weights.safetensors` is damaged .*{why}"):
         sp.load_team(tmp_path / "run")
 
 
@@ -377,7 +381,7 @@ def test_a_damaged_description_is_an_error_with_the_name_of_its_file(
             path.write_text(json.dumps(run))
             try:
                 sp.load_team(tmp_path / "run")  # some values are those of another run
-            except sp.InvalidRequest as error:
+            except sp.errors.InvalidRequest as error:
                 messages.append(str(error))
             whole[key] = before
     assert all("run" in text and len(text) < 600 and "\x1b" not in text for text in messages), messages
@@ -388,7 +392,7 @@ def test_files_that_are_pipes_are_refused(folder: Path, tmp_path: Path) -> None:
     shutil.copytree(folder, tmp_path / "run")
     (tmp_path / "run/weights.safetensors").unlink()
     os.mkfifo(tmp_path / "run/weights.safetensors")
-    with pytest.raises(sp.InvalidRequest, match="is not a regular file"):
+    with pytest.raises(sp.errors.InvalidRequest, match="is not a regular file"):
         sp.load_team(tmp_path / "run")
 
 
@@ -433,8 +437,10 @@ def test_a_team_plays_the_enemies(folder: Path) -> None:
     assert rival.settings == {**without, "sides": "both", "mirror": True}
     with (
         sp.make("5m_vs_6m", num_envs=2, sides="both") as envs,
-        pytest.raises(sp.InvalidRequest, match="plays the enemies of a scenario whose two sides are equal"),
+        pytest.raises(
+            sp.errors.InvalidRequest, match="plays the enemies of a scenario whose two sides are equal"
+        ),
     ):
         rival(envs.reset())
-    with pytest.raises(sp.InvalidRequest, match='side must be "allies" or "enemies", got .enemy'):
+    with pytest.raises(sp.errors.InvalidRequest, match='side must be "allies" or "enemies", got .enemy'):
         sp.load_team("3m", side="enemy")  # type: ignore[arg-type]

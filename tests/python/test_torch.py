@@ -78,7 +78,7 @@ WRITES: dict[str, Callable[[Any], Any]] = {
 def test_a_write_is_refused(envs: sp.Envs, write: Callable[[Any], Any], mode: Callable[[], Any]) -> None:
     batch = envs.reset(seed=1)
     before = batch.obs.copy()
-    with mode(), pytest.raises(sp.InvalidRequest, match="read-only"):
+    with mode(), pytest.raises(sp.errors.InvalidRequest, match="read-only"):
         write(tensor(batch.obs))
     assert np.array_equal(batch.obs, before)
 
@@ -127,7 +127,7 @@ def test_copies_are_ordinary(envs: sp.Envs) -> None:
         mine.zero_()
     assert batch.obs.any() and isinstance(seen, ReadOnly)
     assert "ReadOnly" in repr(seen) and seen.tolist() == batch.obs.tolist()
-    with pytest.raises(sp.InvalidRequest, match="DLPack"):
+    with pytest.raises(sp.errors.InvalidRequest, match="DLPack"):
         np.from_dlpack(seen)
 
 
@@ -142,7 +142,7 @@ def test_a_tensor_keeps_its_frame_and_no_longer() -> None:
         batch = envs.step(envs.sample_actions())
         kept.append(tensor(batch.obs))
         del batch
-        with pytest.raises(sp.TooManyBatchesHeld):
+        with pytest.raises(sp.errors.TooManyBatchesHeld):
             envs.step(envs.sample_actions())
         kept.clear()
         envs.recv()
@@ -157,7 +157,7 @@ def test_the_example_runs() -> None:
 @pytest.mark.skipif(torch.cuda.is_available(), reason="has CUDA")
 def test_pinning_without_cuda_is_refused(envs: sp.Envs) -> None:
     batch = envs.reset(seed=1)
-    with pytest.raises(sp.InvalidRequest, match="CUDA"), pinned(batch):
+    with pytest.raises(sp.errors.InvalidRequest, match="CUDA"), pinned(batch):
         pass
 
 

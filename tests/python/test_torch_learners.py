@@ -319,10 +319,10 @@ def test_networks_over_units_learn(example: Any, algorithm: str, tmp_path: Path)
 def test_networks_over_units_need_units_and_two_widths() -> None:
     options = {"obs_starcraft": False, "obs_timestep_number": True}
     with sp.make("3m", 1, threads=1, smacv2=options) as envs:
-        with pytest.raises(sp.InvalidRequest, match=r"network must be `flat` where.*, got `units`"):
+        with pytest.raises(sp.errors.InvalidRequest, match=r"network must be `flat` where.*, got `units`"):
             units_network.actor(envs, [8, 16], 1.0, torch.relu)
     with sp.make("3m", 1, threads=1) as envs:
-        with pytest.raises(sp.InvalidRequest, match=r"hidden must be 2 widths .*, got \[8\]"):
+        with pytest.raises(sp.errors.InvalidRequest, match=r"hidden must be 2 widths .*, got \[8\]"):
             units_network.actor(envs, [8], 1.0, torch.relu)
 
 

@@ -114,7 +114,7 @@ def test_a_saved_state_has_the_same_future_again() -> None:
     with closing(
         PoolEnv("2s3z", 4, fields=["obs", "state", "avail_actions", "snapshot", *INFO_FIELDS])
     ) as env:
-        with pytest.raises(sp.InvalidRequest, match="call reset first"):
+        with pytest.raises(sp.errors.InvalidRequest, match="call reset first"):
             env.save()
         now = env.rollout(5)[:, -1]["next"]
         saved = env.save()
@@ -128,7 +128,7 @@ def test_a_saved_state_has_the_same_future_again() -> None:
         assert one["info", "episode_length"].tolist() == [11, 11, 5, 11]
     with (
         closing(PoolEnv("3m", 2)) as env,
-        pytest.raises(sp.InvalidRequest, match="name the field `snapshot`"),
+        pytest.raises(sp.errors.InvalidRequest, match="name the field `snapshot`"),
     ):
         env.save()
 
@@ -154,7 +154,7 @@ def test_a_time_out_is_truncation() -> None:
 def test_an_unavailable_action_is_refused(env: PoolEnv) -> None:
     data = env.reset()
     data["agents", "action"] = torch.zeros(4, 5, dtype=torch.int64)
-    with pytest.raises(sp.IllegalAction):
+    with pytest.raises(sp.errors.IllegalAction):
         env.step(data)
 
 
@@ -231,7 +231,7 @@ def test_a_running_pool_is_attached_to(serve: Serve) -> None:
     check_env_specs(env)
     env.close()
     serve("2s3z:3", "--name", "other", "--threads", "1")
-    with sp.connect("other") as envs, pytest.raises(sp.InvalidRequest, match="NextStep"):
+    with sp.connect("other") as envs, pytest.raises(sp.errors.InvalidRequest, match="NextStep"):
         PoolEnv(envs)
 
 
@@ -308,5 +308,5 @@ def test_pictures_of_all_environments(monkeypatch: pytest.MonkeyPatch) -> None:
         assert plain.render() is None
     wrong: list[dict[str, Any]] = [{"render_mode": "ansi"}, {"render_speed": 0}]
     for option in wrong:
-        with pytest.raises(sp.InvalidRequest, match=f"{next(iter(option))} must be"):
+        with pytest.raises(sp.errors.InvalidRequest, match=f"{next(iter(option))} must be"):
             PoolEnv("2s3z", 1, **option)

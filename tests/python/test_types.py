@@ -51,9 +51,10 @@ def test_the_stub_declares_every_field_with_its_type() -> None:
 
 
 def test_everything_public_is_documented() -> None:
-    for name in sp.__all__:
-        if name != "__version__":
-            assert getattr(sp, name).__doc__, name
+    for module in (sp, sp.errors, sp.extras):
+        for name in module.__all__:
+            if name != "__version__":
+                assert getattr(module, name).__doc__, name
     for public in (sp.Envs, sp.Batch, sp.Frame):
         for name in dir(public):
             assert name.startswith("_") or getattr(public, name).__doc__, f"{public.__name__}.{name}"

@@ -28,7 +28,7 @@ def slow() -> Iterator[sp.Envs]:
 
 
 def test_a_timeout_does_not_cancel_the_batch(slow: sp.Envs) -> None:
-    with pytest.raises(sp.Timeout, match="no batch arrived within 0.01 s") as caught:
+    with pytest.raises(sp.errors.Timeout, match="no batch arrived within 0.01 s") as caught:
         slow.step(np.ones((4000, slow.n_agents), np.int32), timeout=0.01)
     assert isinstance(caught.value, TimeoutError)
     assert slow.recv(timeout=100).sequence == 2
@@ -64,7 +64,7 @@ def test_other_threads_run_during_a_wait_and_their_calls_raise_busy(slow: sp.Env
     while waiting.is_alive():
         try:
             slow.seed_sampler(1)
-        except sp.Busy:
+        except sp.errors.Busy:
             refused += 1
     waiting.join()
     assert refused > 0
@@ -102,7 +102,7 @@ try:
     envs.recv()
 except KeyboardInterrupt:
     print("interrupted", flush=True)
-except sp.PoolDied as error:
+except sp.errors.PoolDied as error:
     assert isinstance(error, ConnectionError)
     print("died", batch.obs.shape, flush=True)
 """
@@ -146,7 +146,7 @@ try:
     calls[sys.argv[1]]()
 except KeyboardInterrupt:
     print("interrupted", flush=True)
-except sp.StartError as error:
+except sp.errors.StartError as error:
     print(error, flush=True)
 """
 
@@ -175,7 +175,7 @@ def test_calls_to_a_stopped_supervisor_time_out(serve: Serve) -> None:
     stop(server)
     for ask in (sp.connect, sp.status):
         expected = rf"`train` \(process {server.pid}\) did not answer within 0.3 s"
-        with pytest.raises(sp.ConnectError, match=expected):
+        with pytest.raises(sp.errors.ConnectError, match=expected):
             ask("train", timeout=0.3)
     assert sp.pools() == ["train"]
     server.send_signal(signal.SIGCONT)
@@ -218,7 +218,7 @@ if child == 0:
     for call in (envs.recv, envs.reset, envs.sample_actions, lambda: envs.step([[1] * 5] * 2)):
         try:
             call()
-        except sp.Forked:
+        except sp.errors.Forked:
             continue
         os._exit(3)
     if not np.array_equal(batch.obs, before):
@@ -299,7 +299,7 @@ def test_other_threads_run_while_a_file_is_read(tmp_path: Path) -> None:
     try:
         for _ in range(20):
             before = n_runs
-            with pytest.raises(sp.ScenarioError, match="the whole file is a list of length 1500000"):
+            with pytest.raises(sp.errors.ScenarioError, match="the whole file is a list of length 1500000"):
                 sp.scenario(path)
             if n_runs > before:
                 break

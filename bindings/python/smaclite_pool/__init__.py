@@ -13,6 +13,8 @@ attaches to it. Methods and results are the same, bit for bit.
 
 Other interfaces are modules of this package:
 
+- `errors`: all exceptions. `extras`: views of single agents, rows of units, rollouts, and a base class of
+  wrappers.
 - `integrations`: `gymnasium`, `pettingzoo`, `torchrl`, `rllib`, `envpool` (an EnvPool-compatible API),
   `torch`, `jax` and `ray`. Importing `smaclite_pool.integrations.gymnasium` registers Gymnasium's ids.
   `vault` and `minari` write datasets for other libraries.
@@ -33,8 +35,7 @@ if "t" in abiflags:
     )
 del abiflags  # not a name of this package
 
-from ._agent_view import AgentView, AgentViews, PerAgent, SeenUnit, evaluate_function
-from ._entities import Entities, EntityRows
+from . import errors, extras
 from ._evaluation import Evaluation, evaluate
 from ._native import (
     DATASET_ARRAYS,
@@ -58,73 +59,28 @@ from ._native import (
     snapshot_columns,
     status,
 )
-from ._rollout import Rollout
 from ._team import Team, load_team
 from ._training import train
-from ._wrapper import Wrapper
-from .errors import (
-    Busy,
-    Closed,
-    ConnectError,
-    Forked,
-    IllegalAction,
-    InvalidRequest,
-    LaneFailed,
-    LaneTaken,
-    NoSuchPool,
-    OtherLearnerLeft,
-    PoolDied,
-    PoolError,
-    ScenarioError,
-    StartError,
-    Timeout,
-    TooLittleMemory,
-    TooManyBatchesHeld,
-)
 
 __all__ = [
     "DATASET_ARRAYS",
     "OPPONENTS",
     "ZOO",
-    "AgentView",
-    "AgentViews",
     "Batch",
-    "Busy",
-    "Closed",
-    "ConnectError",
     "Dataset",
-    "Entities",
-    "EntityRows",
     "Envs",
     "Evaluation",
-    "Forked",
     "Frame",
-    "IllegalAction",
-    "InvalidRequest",
-    "LaneFailed",
-    "LaneTaken",
-    "NoSuchPool",
-    "OtherLearnerLeft",
-    "PerAgent",
-    "PoolDied",
-    "PoolError",
     "Recorder",
     "Renderer",
-    "Rollout",
-    "ScenarioError",
     "ScriptedPolicy",
-    "SeenUnit",
     "Spectator",
-    "StartError",
     "Team",
-    "Timeout",
-    "TooLittleMemory",
-    "TooManyBatchesHeld",
-    "Wrapper",
     "__version__",
     "connect",
+    "errors",
     "evaluate",
-    "evaluate_function",
+    "extras",
     "load_team",
     "make",
     "pack_snapshot",

@@ -169,7 +169,7 @@ class AgentView:
         return "\n".join(lines)
 
     def __repr__(self) -> str:
-        return f"<smaclite_pool.AgentView of agent {self.agent} in environment {self.env}>"
+        return f"<smaclite_pool.extras.AgentView of agent {self.agent} in environment {self.env}>"
 
 
 Function: TypeAlias = Callable[[AgentView], "int | str | np.integer[Any]"]
@@ -179,7 +179,7 @@ Function: TypeAlias = Callable[[AgentView], "int | str | np.integer[Any]"]
 class AgentViews:
     """What single agents see in batches of some environments.
 
-        views = smaclite_pool.AgentViews(envs)
+        views = smaclite_pool.extras.AgentViews(envs)
         print(views.describe(batch, env=0, agent=2))    # in plain words
         views(batch, env=0, agent=2).enemies            # the enemies in sight, as objects
 
@@ -255,7 +255,8 @@ class PerAgent:
             attacks = [unit.action for unit in view.enemies if unit.action]
             return attacks[0] if attacks else "stop"
 
-        result = smaclite_pool.evaluate(envs, smaclite_pool.PerAgent(envs, attack_nearest), episodes=20)
+        policy = smaclite_pool.extras.PerAgent(envs, attack_nearest)
+        result = smaclite_pool.evaluate(envs, policy, episodes=20)
 
     The function is called with an `AgentView`, and returns an available action: its number, or its name as in
     `view.actions`. It is not called for dead agents and in environments whose episode is over.
@@ -312,7 +313,7 @@ def evaluate_function(
 ) -> Evaluation:
     """Play a Python function as the policy of every agent, in battles of its own, and return the episodes.
 
-        result = smaclite_pool.evaluate_function("2s3z", attack_nearest, episodes=200, opponent="kite")
+        result = smaclite_pool.extras.evaluate_function("2s3z", attack_nearest, episodes=200, opponent="kite")
         print(result.win_rate)
 
     Args:

@@ -35,7 +35,7 @@ class EntityRows(NamedTuple):
 class Entities:
     """A function from batches to rows of equal width, one row per unit.
 
-        entities = smaclite_pool.Entities(envs)
+        entities = smaclite_pool.extras.Entities(envs)
         rows = entities(batch)                  # rows.features, rows.mask, rows.own, rows.moves
 
     The rows of an observation are those of the enemies by id, `entities.enemies`, and then those of the other

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 class Rollout:
     """Copies of `steps + 1` consecutive batches, one contiguous array per field.
 
-        rollout = smaclite_pool.Rollout(envs, 128)
+        rollout = smaclite_pool.extras.Rollout(envs, 128)
         rollout[0] = batch = envs.reset(seed=1)
         for t in range(128):
             rollout[t + 1] = batch = envs.step(policy(batch))

@@ -22,7 +22,7 @@ class Wrapper:
     A subclass overrides `change_batch`, `change_actions`, or both; all methods that return batches or take
     actions use them. Everything else is that of `envs`, which can be a wrapper too.
 
-        class Scaled(smaclite_pool.Wrapper):
+        class Scaled(smaclite_pool.extras.Wrapper):
             def change_batch(self, batch):
                 return batch.replace(reward=batch.reward / 20)
 

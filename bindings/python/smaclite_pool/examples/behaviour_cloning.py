@@ -176,7 +176,9 @@ def scenario_of(dataset: sp.Dataset, options: Options) -> str:
     """The name or the file of what the dataset plays."""
     scenario = options.map_file or dataset.scenario
     if scenario is None:
-        raise sp.InvalidRequest("the dataset is not of a standard scenario; --map-file must name its file")
+        raise sp.errors.InvalidRequest(
+            "the dataset is not of a standard scenario; --map-file must name its file"
+        )
     sp.scenario(scenario)  # which raises ScenarioError if it cannot be read
     return scenario
 
@@ -211,7 +213,7 @@ def main() -> None:
             weights = {f"actor.{name}": tensor for name, tensor in policy.state_dict().items()}
             save_file(weights, Path(options.out))
         result = evaluate(policy, dataset, options)
-    except (sp.PoolError, OSError) as error:
+    except (sp.errors.PoolError, OSError) as error:
         raise SystemExit(f"behaviour_cloning: {error}") from None
     print(
         f"{len(result)} episodes, {'greedy' if options.greedy else 'sampled'}: won {result.win_rate:.1%}, "

@@ -268,7 +268,7 @@ class Learner:
         self.critic_optimiser = torch.optim.Adam(self.critic.parameters(), eps=options.adam_eps)
         self.returns = ReturnNormaliser()
         names = ["obs", "state", "avail_actions", "reward", "terminated", "truncated"]
-        self.rollout = sp.Rollout(envs, options.horizon, names)
+        self.rollout = sp.extras.Rollout(envs, options.horizon, names)
         shape = (options.horizon, options.num_envs, n_agents)
         self.actions = torch.zeros(shape, dtype=torch.int64, device=self.device)
         self.log_probs = torch.zeros(shape, device=self.device)
@@ -559,7 +559,7 @@ def main(description: str | None = __doc__, make_envs: Callable[[Options, int], 
                     f"{len(result)} episodes, {'greedy' if options.greedy else 'sampled'}: won "
                     f"{result.win_rate:.1%}, return {result.mean_return:.2f}, {result.mean_length:.1f} steps"
                 )
-    except sp.PoolError as error:
+    except sp.errors.PoolError as error:
         raise SystemExit(f"ppo: {error}") from None
     except FileExistsError as error:
         raise SystemExit(f"ppo: {error.filename} exists; choose another --out or --seed") from None

@@ -52,7 +52,7 @@ def main() -> None:
     try:
         with sp.make(options.scenario, options.num_envs, threads=options.threads) as envs:
             play(envs, options.seconds, options.seed)
-    except sp.PoolError as error:
+    except sp.errors.PoolError as error:
         raise SystemExit(f"random_policy: {error}") from None
     except KeyboardInterrupt:
         raise SystemExit(130) from None

@@ -49,7 +49,7 @@ class Rollout:
         while True:
             try:
                 return self.play(weights)
-            except sp.PoolDied:
+            except sp.errors.PoolDied:
                 self.lane.reattach()
                 self.begin()
 

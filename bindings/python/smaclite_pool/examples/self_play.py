@@ -31,7 +31,7 @@ SHARED = ("terminated", "truncated", "was_reset", "episode_length")
 """The fields that are the same for both sides."""
 
 
-class Sides(sp.Wrapper):
+class Sides(sp.extras.Wrapper):
     """The two sides of N / 2 battles as N environments."""
 
     def __init__(self, envs: sp.Envs) -> None:

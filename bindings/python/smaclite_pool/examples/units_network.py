@@ -162,7 +162,7 @@ class Targets(nn.Module):
         parts = {part["name"]: part for part in scenario["obs_layout"]}
         if not has_units(scenario):
             accepted = "`flat` where observations have no units (`obs_starcraft` of `smacv2` is false)"
-            raise sp.InvalidRequest(f"network must be {accepted}, got `units`")
+            raise sp.errors.InvalidRequest(f"network must be {accepted}, got `units`")
         actions, n_agents = scenario["actions"], len(scenario["allies"])
         self.first = sum(not name.startswith("target_") for name in actions)
         target, agent = torch.arange(len(actions) - self.first), torch.arange(n_agents).unsqueeze(-1)
@@ -212,7 +212,7 @@ class UnitsNetwork(nn.Module):
     ) -> None:
         super().__init__()
         if len(widths) != 2:
-            raise sp.InvalidRequest(f"hidden must be 2 widths for networks over units, got {widths}")
+            raise sp.errors.InvalidRequest(f"hidden must be 2 widths for networks over units, got {widths}")
         width, trunk_width = widths
         self.rest, self.activation, self.targets = columns["rest"], activation, targets
         n_rest = row_width(self.rest)  # none in the state, whose features all belong to units

@@ -430,7 +430,7 @@ def main() -> None:
                 f"{len(result)} episodes: won {result.win_rate:.1%}, return {result.mean_return:.2f}, "
                 f"{result.mean_length:.1f} steps"
             )
-    except sp.PoolError as error:
+    except sp.errors.PoolError as error:
         raise SystemExit(f"value_decomposition: {error}") from None
     except FileExistsError as error:
         what = f"{error.filename} exists; choose another --out or --seed"
