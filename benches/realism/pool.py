@@ -65,7 +65,7 @@ class PoolPlayer:
         snapshot = envs.reset(seed=SEED).snapshot[0].copy()
         self.columns = Columns(snapshot)
         begin = np.stack([self.started(snapshot, places) for places in of.course.starts])
-        batch = envs.restore(of.repeat(begin), rng="reseed", seed=SEED)
+        batch = envs.reset(seed=SEED, snapshots=of.repeat(begin))
         self.snapshots, self.avail = batch.snapshot.copy(), batch.avail_actions
         self.goes_on = np.ones(len(batch), bool)
 
@@ -104,7 +104,7 @@ class PoolPlayer:
                 snapshots[i] = self.with_living(snapshots[i], alive[i])
         known = ~np.isnan(places) & columns.read(snapshots, "alive")[..., None]
         columns.write(snapshots, "pos", np.where(known, places, columns.read(snapshots, "pos")))
-        batch = self.envs.restore(snapshots, rows.astype(np.int32))
+        batch = self.envs.reset(env_id=rows.astype(np.int32), snapshots=snapshots)
         self.snapshots[rows], self.avail = batch.snapshot[rows], batch.avail_actions
         self.goes_on[rows] = True
         return rows

@@ -291,10 +291,10 @@ pub fn levels(arg: &Bound<'_, PyAny>, shape: &[Option<usize>]) -> PyResult<Vec<f
     float32_array("levels", arg, shape)?.to_vec()
 }
 
-/// Rows of bytes, as `restore` takes them.
+/// Rows of bytes, as `reset` takes them.
 pub type Snapshots<'py> = PyReadonlyArrayDyn<'py, u8>;
 
-/// Converts an argument such as `snapshots` of `restore`: uint8 `[k, size]`, or `[size]` for one.
+/// Converts an argument such as `snapshots` of `reset`: uint8 `[k, size]`, or `[size]` for one.
 pub fn snapshots<'py>(name: &str, arg: &Bound<'py, PyAny>) -> PyResult<Snapshots<'py>> {
     let array = to_array(name, arg)?;
     if array.cast::<PyArrayDyn<u8>>().is_err() {
@@ -326,18 +326,6 @@ pub fn snapshot_rows(arg: &Bound<'_, PyAny>, num_envs: usize, size: usize) -> Py
         check_shape(name, "a uint8", arg, &array, &[Some(num_envs), Some(size)])?;
     }
     Ok(snapshots(name, &array)?.as_slice()?.to_vec())
-}
-
-/// Converts the arguments `rng` and `seed` of `restore` and `fork`: the seed of environment 0, if there is
-/// one.
-pub fn reseeding(rng: &str, seed: Option<IntArg>) -> PyResult<Option<u64>> {
-    match (rng, seed) {
-        ("keep", None) => Ok(None),
-        ("keep", Some(_)) => Err(invalid_request("a seed needs rng=\"reseed\"")),
-        ("reseed", Some(seed)) => to_unsigned("seed", seed).map(Some),
-        ("reseed", None) => Err(invalid_request("rng=\"reseed\" needs a seed")),
-        _ => Err(invalid_request(format!("rng must be \"keep\" or \"reseed\", got `{rng}`"))),
-    }
 }
 
 /// Environment ids: an integer array-like with one axis.

@@ -9,11 +9,11 @@ mod requests;
 mod shared;
 
 use self::render::{Renderer, SheetStyle, render_batch};
-use self::requests::{ResetArguments, begin_step, receive};
+use self::requests::{ResetArguments, Start, begin_step, receive};
 use self::shared::SharedClient;
 use crate::batch::Batch;
 use crate::convert::{
-    self, Int32Array, IntArg, env_ids, reseeding, timeout_seconds, to_dict, to_duration, to_unsigned,
+    self, Int32Array, IntArg, env_ids, timeout_seconds, to_dict, to_duration, to_unsigned,
 };
 use crate::errors::{class, client_error, connect_error, invalid_request};
 use crate::exit::{self, CloseAtExit};
@@ -130,18 +130,28 @@ impl Envs {
     ///         health as a share of the full health, and 1 if it is in the battle, else 0. None: the
     ///         scenario's units. The lane needs the field `level`, which has rows of this form. Only
     ///         generated scenarios take other types than their own units have.
+    ///     snapshots: uint8 [K, snapshot_size], where these environments continue: rows of the field
+    ///         `snapshot` of this or another lane of the same scenario, rule set and `obs_last_actions`. The
+    ///         lane needs the field (`make(..., fields=[..., "snapshot"])`). No step is made: rewards are 0,
+    ///         and `was_reset` is true of all environments in the batch. Either all selected environments
+    ///         change, or none. With a seed, one integer, environment i continues with the execution orders
+    ///         of seed + i; without one, with those that would have been drawn.
     ///     timeout: seconds to wait for the batch; None for no limit.
     ///
     /// Raises:
-    ///     InvalidRequest: an argument is invalid, or a selected environment is still working on an earlier
-    ///         request.
-    ///     TypeError: the seed or an environment id is not an integer, or the mask is not bool.
+    ///     InvalidRequest: an argument is invalid, a selected environment is still working on an earlier
+    ///         request, or a snapshot is damaged, of another scenario, rule set or version, or has an
+    ///         impossible value; the text names environment, column and unit.
+    ///     TypeError: the seed or an environment id is not an integer, the mask is not bool, or the snapshots
+    ///         are not uint8.
     ///     Timeout: the batch did not arrive in time.
     ///     TooManyBatchesHeld: `max_held_batches` batches are in use.
     ///     PoolDied: the pool has ended.
     ///     LaneFailed: the lane failed.
-    #[pyo3(signature = (seed=None, mask=None, env_id=None, timeout=None, *, levels=None, **unknown))]
-    #[pyo3(text_signature = "($self, seed=None, mask=None, env_id=None, timeout=None, *, levels=None)")]
+    #[pyo3(signature = (seed=None, mask=None, env_id=None, timeout=None, *, levels=None, snapshots=None, **unknown))]
+    #[pyo3(
+        text_signature = "($self, seed=None, mask=None, env_id=None, timeout=None, *, levels=None, snapshots=None)"
+    )]
     #[allow(clippy::too_many_arguments)] // keyword arguments in Python
     fn reset(
         &self,
@@ -151,14 +161,30 @@ impl Envs {
         env_id: Option<&Bound<'_, PyAny>>,
         #[pyo3(from_py_with = timeout_seconds)] timeout: Option<f64>,
         levels: Option<&Bound<'_, PyAny>>,
+        snapshots: Option<&Bound<'_, PyAny>>,
         unknown: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Batch> {
-        refuse_keywords(Place::Reset, "reset", unknown, &["seed", "mask", "env_id", "timeout", "levels"])?;
+        let known = ["seed", "mask", "env_id", "timeout", "levels", "snapshots"];
+        refuse_keywords(Place::Reset, "reset", unknown, &known)?;
         let timeout = to_duration(timeout)?;
-        let ResetArguments { ids, levels } = self.reset_arguments(mask, env_id, levels)?;
+        let ResetArguments { ids, start } = self.reset_arguments(mask, env_id, levels, snapshots)?;
         let ids = ids.as_deref();
         let seeds = Seeds::new(seed, ids.map_or(self.description.settings.num_envs, <[i32]>::len))?;
-        seeds.reset(py, self.shared.try_lock()?.client(), ids, levels.as_deref(), timeout)
+        let mut guard = self.shared.try_lock()?;
+        let client = guard.client();
+        match start {
+            Start::Scenario => seeds.reset(py, client, ids, None, timeout),
+            Start::Levels(levels) => seeds.reset(py, client, ids, Some(&levels), timeout),
+            Start::Snapshots(snapshots) => {
+                let seed = seeds.one()?;
+                // A lane begins with a reset of all, which the snapshots then replace.
+                if client.newest().is_none() && client.description().settings.is_synchronous() {
+                    wait_detached(py, timeout, |wait| client.reset(None, None, wait))?;
+                }
+                wait_detached(py, None, |wait| client.send_restore(&snapshots, ids, seed, wait))?;
+                receive(py, client, timeout)
+            }
+        }
     }
 
     /// Send actions and return the next batch: `send`, then `recv`.
@@ -266,16 +292,19 @@ impl Envs {
     /// Request new episodes without waiting; `recv` returns the first observations.
     ///
     /// Args:
-    ///     seed, mask, env_id, levels: as for `reset`.
+    ///     seed, mask, env_id, levels, snapshots: as for `reset`; the seed is one integer or None.
+    ///
+    /// If a snapshot is refused, no environment changes, and the next `recv` raises InvalidRequest.
     ///
     /// Raises:
     ///     InvalidRequest: an argument is invalid, or a selected environment is still working on an earlier
     ///         request.
-    ///     TypeError: the seed or an environment id is not an integer, or the mask is not bool.
+    ///     TypeError: the seed or an environment id is not an integer, the mask is not bool, or the snapshots
+    ///         are not uint8.
     ///     PoolError: the pool did not read the request within 5 seconds; nothing was sent.
     ///     PoolDied: the pool has ended.
     ///     LaneFailed: the lane failed.
-    #[pyo3(signature = (seed=None, mask=None, env_id=None, *, levels=None))]
+    #[pyo3(signature = (seed=None, mask=None, env_id=None, *, levels=None, snapshots=None))]
     fn async_reset(
         &self,
         py: Python<'_>,
@@ -283,98 +312,32 @@ impl Envs {
         mask: Option<&Bound<'_, PyAny>>,
         env_id: Option<&Bound<'_, PyAny>>,
         levels: Option<&Bound<'_, PyAny>>,
+        snapshots: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<()> {
         let seed = seed.map(|seed| to_unsigned("seed", seed)).transpose()?;
-        let ResetArguments { ids, levels } = self.reset_arguments(mask, env_id, levels)?;
+        let ResetArguments { ids, start } = self.reset_arguments(mask, env_id, levels, snapshots)?;
         let (ids, mut guard) = (ids.as_deref(), self.shared.try_lock()?);
         let client = guard.client();
-        wait_detached(py, None, |wait| match &levels {
-            None => client.send_reset(seed, ids, wait),
-            Some(levels) => client.send_reset_to(levels, seed, ids, wait),
+        wait_detached(py, None, |wait| match &start {
+            Start::Scenario => client.send_reset(seed, ids, wait),
+            Start::Levels(levels) => client.send_reset_to(levels, seed, ids, wait),
+            Start::Snapshots(snapshots) => client.send_restore(snapshots, ids, seed, wait),
         })
-    }
-
-    /// Continue from snapshots, and return the batch with their observations.
-    ///
-    /// No step is made: rewards are 0 and `was_reset` is true. A synchronous lane always returns all
-    /// environments; those that were not selected are unchanged, and `was_reset` is true of them, too. Either
-    /// all selected environments change, or none.
-    ///
-    /// Args:
-    ///     snapshots: uint8 [K, snapshot_size], rows of the field `snapshot` of this or another lane of the
-    ///         same scenario, rule set and `obs_last_actions`. The lane must have the field
-    ///         (`make(..., fields=[..., "snapshot"])`).
-    ///     env_id: integers [K], the environments that take these states. None means all in order.
-    ///     rng: "keep" continues with the execution orders that would have been drawn; "reseed" draws others.
-    ///     seed: with "reseed", environment i continues as if seeded with seed + i.
-    ///     timeout: seconds to wait for the batch; None for no limit.
-    ///
-    /// Raises:
-    ///     InvalidRequest: an argument is invalid, the lane has no field `snapshot`, an environment is still
-    ///         working on an earlier request, or a snapshot is damaged, of another scenario, rule set or
-    ///         version, or has an impossible value; the text names environment, column and unit.
-    ///     TypeError: the snapshots are not uint8, or environment ids or the seed are not integers.
-    ///     Timeout: the batch did not arrive in time.
-    ///     TooManyBatchesHeld: `max_held_batches` batches are in use.
-    ///     PoolDied: the pool has ended.
-    ///     LaneFailed: the lane failed.
-    #[pyo3(signature = (snapshots, env_id=None, *, rng="keep", seed=None, timeout=None))]
-    fn restore(
-        &self,
-        py: Python<'_>,
-        snapshots: &Bound<'_, PyAny>,
-        env_id: Option<&Bound<'_, PyAny>>,
-        rng: &str,
-        seed: Option<IntArg>,
-        #[pyo3(from_py_with = timeout_seconds)] timeout: Option<f64>,
-    ) -> PyResult<Batch> {
-        self.async_restore(py, snapshots, env_id, rng, seed)?;
-        self.recv(py, timeout)
-    }
-
-    /// Request what `restore` does, without waiting; `recv` returns the observations.
-    ///
-    /// Args:
-    ///     snapshots, env_id, rng, seed: as for `restore`.
-    ///
-    /// If a snapshot is refused, no environment changes, and the next `recv` raises InvalidRequest.
-    ///
-    /// Raises:
-    ///     InvalidRequest: an argument is invalid, or an environment is still working on an earlier request.
-    ///     TypeError: the snapshots are not uint8, or environment ids or the seed are not integers.
-    ///     PoolError: the pool did not read the request within 5 seconds; nothing was sent.
-    ///     PoolDied: the pool has ended.
-    ///     LaneFailed: the lane failed.
-    #[pyo3(signature = (snapshots, env_id=None, *, rng="keep", seed=None))]
-    fn async_restore(
-        &self,
-        py: Python<'_>,
-        snapshots: &Bound<'_, PyAny>,
-        env_id: Option<&Bound<'_, PyAny>>,
-        rng: &str,
-        seed: Option<IntArg>,
-    ) -> PyResult<()> {
-        let seed = reseeding(rng, seed)?;
-        let ids = env_ids(env_id)?;
-        let size = self.layout.snapshot_size();
-        let snapshots = convert::snapshot_rows(snapshots, self.request_size(ids.as_ref()), size)?;
-        let ids = ids.map(|ids| ids.as_slice().map(<[i32]>::to_vec)).transpose()?;
-        let mut guard = self.shared.try_lock()?;
-        let client = guard.client();
-        wait_detached(py, None, |wait| client.send_restore(&snapshots, ids.as_deref(), seed, wait))
     }
 
     /// Copy the states of environments to others, inside the pool, and return the batch with the
     /// observations.
     ///
     /// Environment `env_id_to[k]` takes the state that `env_id_from[k]` had before the call; an environment
-    /// may be copied several times. All else is as for `restore`. The lane needs no field `snapshot`.
+    /// may be copied several times. All else is as for `reset` with snapshots. The lane needs no field
+    /// `snapshot`.
     ///
     /// Args:
     ///     env_id_from: integers [K], the environments to copy.
     ///     env_id_to: integers [K], the environments that change, each once.
-    ///     rng, seed, timeout: as for `restore`. With "keep", copies have the same future as what they are
-    ///         copies of, if they get the same actions.
+    ///     seed: environment i continues with the execution orders of seed + i. None: copies have the same
+    ///         future as what they are copies of, if they get the same actions.
+    ///     timeout: seconds to wait for the batch; None for no limit.
     ///
     /// Raises:
     ///     InvalidRequest: an argument is invalid, or an environment is still working on an earlier request.
@@ -383,24 +346,23 @@ impl Envs {
     ///     TooManyBatchesHeld: `max_held_batches` batches are in use.
     ///     PoolDied: the pool has ended.
     ///     LaneFailed: the lane failed.
-    #[pyo3(signature = (env_id_from, env_id_to, *, rng="keep", seed=None, timeout=None))]
+    #[pyo3(signature = (env_id_from, env_id_to, *, seed=None, timeout=None))]
     fn fork(
         &self,
         py: Python<'_>,
         env_id_from: &Bound<'_, PyAny>,
         env_id_to: &Bound<'_, PyAny>,
-        rng: &str,
         seed: Option<IntArg>,
         #[pyo3(from_py_with = timeout_seconds)] timeout: Option<f64>,
     ) -> PyResult<Batch> {
-        self.async_fork(py, env_id_from, env_id_to, rng, seed)?;
+        self.async_fork(py, env_id_from, env_id_to, seed)?;
         self.recv(py, timeout)
     }
 
     /// Request what `fork` does, without waiting; `recv` returns the observations.
     ///
     /// Args:
-    ///     env_id_from, env_id_to, rng, seed: as for `fork`.
+    ///     env_id_from, env_id_to, seed: as for `fork`.
     ///
     /// Raises:
     ///     InvalidRequest: an argument is invalid, or an environment is still working on an earlier request.
@@ -408,16 +370,15 @@ impl Envs {
     ///     PoolError: the pool did not read the request within 5 seconds; nothing was sent.
     ///     PoolDied: the pool has ended.
     ///     LaneFailed: the lane failed.
-    #[pyo3(signature = (env_id_from, env_id_to, *, rng="keep", seed=None))]
+    #[pyo3(signature = (env_id_from, env_id_to, *, seed=None))]
     fn async_fork(
         &self,
         py: Python<'_>,
         env_id_from: &Bound<'_, PyAny>,
         env_id_to: &Bound<'_, PyAny>,
-        rng: &str,
         seed: Option<IntArg>,
     ) -> PyResult<()> {
-        let seed = reseeding(rng, seed)?;
+        let seed = seed.map(|seed| to_unsigned("seed", seed)).transpose()?;
         let from = convert::int32_array("env_id_from", env_id_from, &[None])?;
         let to = convert::int32_array("env_id_to", env_id_to, &[None])?;
         let (from, to) = (from.as_slice()?.to_vec(), to.as_slice()?.to_vec());

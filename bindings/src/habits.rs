@@ -75,9 +75,10 @@ const TABLE: &[Row] = &[
     (Place::Envs, &["action_space", "observation_space", "single_action_space", "single_observation_space",
         "share_observation_space", "spec", "metadata", "action_shape", "observation_shape"], SPACES),
     (Place::Envs, &["save", "clone", "clone_state", "save_state", "get_state_snapshot", "snapshot"],
-        "batches have the field `snapshot` with fields=[..., \"snapshot\"]; `restore(snapshots)` takes it, \
-         and `fork` copies environments"),
-    (Place::Envs, &["load", "load_state", "restore_state", "set_state"], "use `restore` or `fork`"),
+        "batches have the field `snapshot` with fields=[..., \"snapshot\"]; `reset(snapshots=...)` takes \
+         it, and `fork` copies environments"),
+    (Place::Envs, &["load", "load_state", "restore", "async_restore", "restore_state", "set_state"],
+        "use `reset(snapshots=...)` or `fork`"),
     (Place::Envs, &["get_env_info"], "sizes are attributes: `n_agents`, `n_actions`, `obs_size`, \
         `state_size`, `episode_limit`; `description` is a dict of all"),
     (Place::Envs, &["get_obs", "get_state", "get_avail_actions", "get_avail_agent_actions", "get_obs_agent",
@@ -219,7 +220,7 @@ pub fn no_attribute(class: &Bound<'_, PyType>, place: Place, name: &str) -> PyEr
 pub fn cannot_be_copied() -> PyErr {
     PyTypeError::new_err(
         "environments of a pool cannot be copied or pickled: `fork` copies battles between environments, the \
-         field `snapshot` and `restore` carry them to other environments, and another process makes its own \
+         field `snapshot` and `reset` carry them to other environments, and another process makes its own \
          or uses connect",
     )
 }

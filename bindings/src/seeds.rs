@@ -51,6 +51,16 @@ impl Seeds {
         Ok(Seeds::Each(seeds))
     }
 
+    /// The seed of all environments, where they cannot have one each.
+    pub fn one(self) -> PyResult<Option<u64>> {
+        match self {
+            Seeds::From(seed) => Ok(seed),
+            Seeds::Each(_) => Err(invalid_request(
+                "with snapshots, seed must be one integer or None, got one per environment",
+            )),
+        }
+    }
+
     /// Resets all environments or those of `ids`, to levels if there are any.
     ///
     /// A request has one seed, and environment i gets that seed + i. Seeds that are not such a sequence take

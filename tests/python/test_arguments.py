@@ -89,7 +89,7 @@ def calls(envs: sp.Envs) -> Iterator[Call]:
 
     def from_start(call: Callable[[Any], Any]) -> Callable[[Any], Any]:
         def restored(value: Any) -> Any:
-            envs.restore(snapshots)
+            envs.reset(snapshots=snapshots)
             return call(value)
 
         return restored
@@ -102,8 +102,8 @@ def calls(envs: sp.Envs) -> Iterator[Call]:
     yield "reset", "mask", lambda v: envs.reset(mask=v), np.ones(N, bool)
     yield "reset", "env_id", lambda v: envs.reset(env_id=v), ids
     yield "reset", "levels", lambda v: envs.reset(levels=v), kept["level"]
-    yield "restore", "snapshots", envs.restore, snapshots
-    yield "restore", "env_id", lambda v: envs.restore(snapshots, v), ids
+    yield "reset", "snapshots", lambda v: envs.reset(snapshots=v), snapshots
+    yield "reset to snapshots", "env_id", lambda v: envs.reset(env_id=v, snapshots=snapshots), ids
     yield "fork", "env_id_from", lambda v: envs.fork(v, ids), ids
     yield "fork", "env_id_to", lambda v: envs.fork(ids, v), ids
     yield "sample_actions", "env_id", lambda v: envs.sample_actions(v), ids
@@ -149,7 +149,7 @@ def test_what_is_read_from_an_odd_address_is_what_lies_there() -> None:
         actions = envs.sample_actions()
         expected = envs.step(actions).copy()
         for layout, array in same_values(actions):
-            envs.restore(snapshots)
+            envs.reset(snapshots=snapshots)
             batch = envs.step(array)
             assert all(np.array_equal(batch[name], expected[name]) for name in ("obs", "state")), layout
         levels = envs.reset(seed=2).level.copy()
@@ -190,10 +190,10 @@ def converted(envs: sp.Envs, snapshots: NDArray[np.uint8]) -> dict[str, Callable
         "seed": lambda v: envs.reset(seed=v),
         "mask": lambda v: envs.reset(mask=v),
         "levels": lambda v: envs.reset(levels=v),
-        "snapshots": envs.restore,
-        "env_id": lambda v: envs.restore(snapshots, v),
+        "snapshots": lambda v: envs.reset(snapshots=v),
+        "env_id": lambda v: envs.reset(env_id=v, snapshots=snapshots),
         "env_id_from": lambda v: envs.fork(v, [0]),
-        "seed of fork": lambda v: envs.fork([0], [0], rng="reseed", seed=v),
+        "seed of fork": lambda v: envs.fork([0], [0], seed=v),
         "render": lambda v: envs.render(batch, v),
         "columns": lambda v: envs.render(batch, columns=v),
         "captions": lambda v: envs.render(batch, captions=v),

@@ -155,7 +155,7 @@ def test_snapshots_and_replays_have_both_sides(tmp_path: Path) -> None:
         saved, actions = batch.snapshot.copy(), envs.sample_actions()
         batch = envs.step(actions)
         expected = batch.enemy_obs.copy()
-        envs.restore(saved)
+        envs.reset(snapshots=saved)
         assert (envs.step(actions).enemy_obs == expected).all()
         for _ in range(60):
             batch = envs.step(envs.sample_actions())

@@ -45,13 +45,13 @@ def test_battles_go_on_from_a_snapshot_with_the_same_bits(tmp_path: Path) -> Non
         assert kept.shape == (6, envs.snapshot_size) and kept.dtype == np.uint8
         np.save(tmp_path / "kept.npy", kept)
         future = steps(envs, 30)
-        batch = envs.restore(kept)
+        batch = envs.reset(snapshots=kept)
         assert batch.was_reset.all() and not batch.reward.any() and (batch.episode_length == 8).all()
         assert_repeats(envs, future)
     for copy in (np.load(tmp_path / "kept.npy"), pickle.loads(pickle.dumps(kept))):
         with sp.make("2s3z", 6, fields=FIELDS, episode_limit=20, obs_last_actions=2, threads=1) as envs:
             envs.reset(seed=77)
-            envs.restore(copy)
+            envs.reset(snapshots=copy)
             assert_repeats(envs, future)
 
 
@@ -62,7 +62,7 @@ def test_an_attached_learner_branches_too(serve: Serve) -> None:
         kept = envs.step(envs.sample_actions()).snapshot.copy()
         future = steps(envs, 12)
         envs.fork([0, 0, 0], [1, 2, 3])
-        envs.restore(kept)
+        envs.reset(snapshots=kept)
         assert_repeats(envs, future)
 
 
@@ -74,7 +74,7 @@ def test_copies_have_one_future_until_they_are_reseeded() -> None:
         for _ in range(12):
             assert (batch.obs == batch.obs[0]).all()
             batch = envs.step(np.repeat(envs.sample_actions()[:1], 8, axis=0))
-        batch = envs.fork([0] * 8, range(8), rng="reseed", seed=5)
+        batch = envs.fork([0] * 8, range(8), seed=5)
         assert (batch.obs == batch.obs[0]).all()
         seeds = [sp.snapshot_columns(row)["seed"].item() for row in batch.snapshot]
         assert seeds == list(range(5, 13))
@@ -89,7 +89,7 @@ def test_an_asynchronous_lane_branches() -> None:
         envs.async_fork([ready[0], ready[0]], [ready[1], ready[2]])
         batch = envs.recv(timeout=60)
         assert sorted(batch.env_id.tolist()) == sorted(ready[1:3]) and batch.was_reset.all()
-        envs.async_restore(batch.snapshot, batch.env_id)
+        envs.async_reset(env_id=batch.env_id, snapshots=batch.snapshot)
         again = envs.recv(timeout=60)
         order = np.argsort(batch.env_id)
         np.testing.assert_array_equal(again.obs[np.argsort(again.env_id)], batch.obs[order])
@@ -104,7 +104,7 @@ def test_edited_columns_become_a_snapshot_again() -> None:
         np.testing.assert_array_equal(sp.pack_snapshot(columns, "2s3z"), snapshot)
         columns["hp"][0] = 3.5
         columns["alive"][9] = False
-        batch = envs.restore(sp.pack_snapshot(columns, envs))
+        batch = envs.reset(snapshots=sp.pack_snapshot(columns, envs))
         found = sp.snapshot_columns(batch.snapshot[0])
         assert found["hp"][0] == 3.5 and not found["alive"][9] and found["neighbour_rank"][9] == -1
         steps(envs, 30)
@@ -130,37 +130,54 @@ def test_edited_columns_become_a_snapshot_again() -> None:
             sp.pack_snapshot(columns, "3m")
 
 
+def test_battles_continue_in_environments_that_were_not_reset() -> None:
+    with sp.make("3m", 2, seed=0, fields=FIELDS) as envs, sp.make("3m", 2, seed=7, fields=FIELDS) as others:
+        kept = envs.reset(seed=1).snapshot
+        batch = others.reset(snapshots=kept)
+        assert batch.was_reset.all() and np.array_equal(batch.snapshot, kept)
+        only_one = others.reset(mask=[False, True], snapshots=kept[0])
+        assert np.array_equal(only_one.snapshot, kept[[0, 0]])
+
+
 def test_wrong_arguments_name_what_is_accepted() -> None:
     envs: Any
     with sp.make("3m", 2, seed=0, fields=FIELDS) as envs, sp.make("3m", 2) as plain:
         snapshots = envs.reset(seed=1).snapshot
         plain.reset()
         cases: list[tuple[type[Exception], str, Any]] = [
-            (sp.errors.InvalidRequest, "name the field `snapshot`", lambda: plain.restore(snapshots)),
+            (sp.errors.InvalidRequest, "name the field `snapshot`", lambda: plain.reset(snapshots=snapshots)),
             (
                 sp.errors.InvalidRequest,
                 "environment 0 cannot be restored",
-                lambda: envs.restore(snapshots * 0),
+                lambda: envs.reset(snapshots=snapshots * 0),
             ),
-            (sp.errors.InvalidRequest, "take 2 snapshots of", lambda: envs.restore(snapshots[:1])),
+            (sp.errors.InvalidRequest, "take 2 snapshots of", lambda: envs.reset(snapshots=snapshots[:1])),
             # As many bytes, which were once read as rows of other bytes.
             (
                 sp.errors.InvalidRequest,
                 r"uint8 array of shape \(2, \d+\), got \(\d+, 2\)",
-                lambda: envs.restore(snapshots.T),
+                lambda: envs.reset(snapshots=snapshots.T),
             ),
-            (sp.errors.InvalidRequest, "uint8 array of shape", lambda: envs.restore(snapshots.reshape(-1))),
-            (TypeError, "must be a uint8 array", lambda: envs.restore(np.zeros((2, 4)))),
+            (
+                sp.errors.InvalidRequest,
+                "uint8 array of shape",
+                lambda: envs.reset(snapshots=snapshots.reshape(-1)),
+            ),
+            (TypeError, "must be a uint8 array", lambda: envs.reset(snapshots=np.zeros((2, 4)))),
             (sp.errors.InvalidRequest, "environment 5 does not exist", lambda: envs.fork([5], [0])),
             (sp.errors.InvalidRequest, "appears twice", lambda: envs.fork([0, 1], [1, 1])),
             (sp.errors.InvalidRequest, "got 2 and 1", lambda: envs.fork([0, 1], [1])),
+            (TypeError, "seed must be an integer, got str", lambda: envs.fork([0], [1], seed="3")),
             (
                 sp.errors.InvalidRequest,
-                'rng must be "keep" or "reseed"',
-                lambda: envs.fork([0], [1], rng="new"),
+                "with snapshots, seed must be one integer or None",
+                lambda: envs.reset(seed=[1, 2], snapshots=snapshots),
             ),
-            (sp.errors.InvalidRequest, "needs a seed", lambda: envs.fork([0], [1], rng="reseed")),
-            (sp.errors.InvalidRequest, 'a seed needs rng="reseed"', lambda: envs.fork([0], [1], seed=3)),
+            (
+                sp.errors.InvalidRequest,
+                "levels and snapshots cannot be combined",
+                lambda: envs.reset(levels=np.zeros((2, 6, 5), np.float32), snapshots=snapshots),
+            ),
             (sp.errors.InvalidRequest, "at least one environment", lambda: envs.fork([], [])),
         ]
         for error, text, call in cases:
@@ -178,7 +195,7 @@ def test_wrappers_and_rollouts_see_branches() -> None:
         first = envs.reset(seed=1)
         rollout = sp.extras.Rollout(envs, 3)
         rollout[0] = envs.step(envs.sample_actions())
-        rollout[1] = envs.restore(first.snapshot)
+        rollout[1] = envs.reset(snapshots=first.snapshot)
         np.testing.assert_array_equal(rollout.obs[1], first.obs)
         rollout[2] = envs.fork([0], [3])
         rollout[3] = envs.step(envs.sample_actions())
@@ -194,9 +211,9 @@ def test_recordings_of_battles_that_jump_are_reproduced(tmp_path: Path) -> None:
         columns["hp"][:] = 5
         weak = sp.pack_snapshot(columns, envs)
         middle = steps(envs, 6)[3][1]["snapshot"]
-        batch = envs.restore(np.stack([weak, snapshots[1]]))
+        batch = envs.reset(snapshots=np.stack([weak, snapshots[1]]))
         steps(envs, 4)
-        envs.restore(middle)
+        envs.reset(snapshots=middle)
         steps(envs, 20)
         assert batch.was_reset.all()
     found = episodes(path)  # of environment 0
@@ -267,7 +284,7 @@ def test_columns_are_agents_first_where_the_file_begins_with_enemies() -> None:
         columns = sp.snapshot_columns(envs.reset(seed=1).snapshot[0])
         assert columns["hp"][:6].tolist() == [100.0] * 6 and columns["hp"][6:].tolist() == [35.0] * 24
         columns["alive"][0] = False
-        batch = envs.restore(sp.pack_snapshot(columns, envs), [0])
+        batch = envs.reset(env_id=[0], snapshots=sp.pack_snapshot(columns, envs))
         assert batch.alive[0].tolist() == [False] + [True] * 5 and batch.dead_enemies[0] == 0
 
 
@@ -286,8 +303,8 @@ def test_what_no_battle_has_is_refused_and_says_what_differs() -> None:
         snapshot = longer.reset(seed=1).snapshot.copy()
         plain.reset(seed=1)
         with pytest.raises(sp.errors.InvalidRequest, match="`obs_last_actions` 2, and this one has 0"):
-            plain.restore(snapshot)
+            plain.reset(snapshots=snapshot)
         with pytest.raises(
             sp.errors.InvalidRequest, match="of rules `paper`, and the battle has rules `smaclite`"
         ):
-            plain.restore(paper.reset(seed=1).snapshot.copy())
+            plain.reset(snapshots=paper.reset(seed=1).snapshot.copy())

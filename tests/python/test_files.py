@@ -267,5 +267,5 @@ def test_bytes_of_a_snapshot_file_are_what_restore_takes(written: Path) -> None:
     snapshot = np.fromfile(written / "step.snapshot", np.uint8)[None]
     with sp.make("3m", 1, fields=["episode_length", "snapshot"]) as envs:
         envs.reset(seed=1)
-        batch: Any = envs.restore(snapshot)
+        batch: Any = envs.reset(snapshots=snapshot)
         assert batch.episode_length[0] == 5

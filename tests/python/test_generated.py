@@ -51,7 +51,7 @@ def test_battles_continue_from_snapshots_with_what_agents_have_seen() -> None:
         rng = np.random.default_rng(2)
 
         def go_on() -> list[Any]:
-            batch, found = envs.restore(kept), []
+            batch, found = envs.reset(snapshots=kept), []
             np.testing.assert_array_equal(batch.obs, obs)
             for _ in range(20):
                 free = np.where(batch.avail_actions, rng.random(batch.avail_actions.shape), -1)

@@ -61,7 +61,7 @@ def test_a_keyword_of_another_package_is_translated(name: str) -> None:
         (lambda e: sp.connect(name="train"), "use `pool`, the first argument"),  # type: ignore[call-arg]
         (lambda e: sp.connect("train", num_envs=3), "serve` sets it"),  # type: ignore[call-arg]
         (copy.copy, "`fork` copies battles"),
-        (pickle.dumps, "`restore` carry them"),
+        (pickle.dumps, "`reset` carry them"),
     ],
 )
 def test_a_call_out_of_habit_says_what_to_call(lane: sp.Envs, call: Call, match: str) -> None:

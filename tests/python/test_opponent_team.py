@@ -125,13 +125,13 @@ def test_snapshots_and_forks_go_on_with_the_same_bits() -> None:
     with sp.make("3m", num_envs=4, opponent="zoo:3m", fields=FIELDS, threads=1) as envs:
         envs.reset(seed=8)
         # What was earned before is not in a snapshot.
-        assert_equal(rows_of(envs, envs.restore(saved), 60)[1:], expected[1:])
-        envs.restore(saved)
+        assert_equal(rows_of(envs, envs.reset(snapshots=saved), 60)[1:], expected[1:])
+        envs.reset(snapshots=saved)
         for row in rows_of(envs, envs.fork([1, 1, 1], [0, 2, 3]), 60):
             for name in SEEN:
                 np.testing.assert_array_equal(row[name], row[name][[1, 1, 1, 1]], err_msg=name)
-        envs.restore(saved)
-        reseeded = rows_of(envs, envs.fork([1, 1, 1], [0, 2, 3], rng="reseed", seed=5), 60)
+        envs.reset(snapshots=saved)
+        reseeded = rows_of(envs, envs.fork([1, 1, 1], [0, 2, 3], seed=5), 60)
         assert any((row["state"] != row["state"][:1]).any() for row in reseeded), "actions are drawn anew"
     with (
         sp.make("3m", num_envs=4, fields=FIELDS) as usual,
@@ -140,7 +140,7 @@ def test_snapshots_and_forks_go_on_with_the_same_bits() -> None:
         ),
     ):
         usual.reset()
-        usual.restore(saved)
+        usual.reset(snapshots=saved)
 
 
 def test_a_replay_needs_no_team(decided: Path, tmp_path: Path) -> None:

@@ -28,7 +28,7 @@ def recorded() -> dict[str, Any]:
     with sp.make("3m", 1, threads=1, fields=record.FIELDS) as envs:
         columns = sp.snapshot_columns(envs.reset(seed=SEED).snapshot[0])
         columns["pos"][:] = STARTS
-        batch = envs.restore(sp.pack_snapshot(columns, envs), rng="reseed", seed=SEED)
+        batch = envs.reset(seed=SEED, snapshots=sp.pack_snapshot(columns, envs))
         battles = record.record(envs, batch, sp.ScriptedPolicy("nearest", envs))
     return {"map": "3m", "version": "0", "battles": battles}
 
@@ -98,7 +98,7 @@ def test_columns_that_are_written_are_those_that_pack_snapshot_writes() -> None:
         packed = [{**sp.snapshot_columns(row), "pos": at} for row, at in zip(snapshots, places, strict=True)]
         columns.write(snapshots, "pos", places)
         np.testing.assert_array_equal(snapshots, [sp.pack_snapshot(each, envs) for each in packed])
-        envs.restore(snapshots)
+        envs.reset(snapshots=snapshots)
 
 
 def change(*path: Any, to: Any) -> Callable[[Any], None]:
@@ -174,7 +174,7 @@ def test_scripts_attack_what_they_say() -> None:
         columns = sp.snapshot_columns(envs.reset(seed=1).snapshot[0])
         columns["pos"][:] = [*STARTS[:3], [13.5, 14.5], [13.5, 16.5], [13.5, 18.5]]
         columns["hp"][4] = 1
-        batch = envs.restore(sp.pack_snapshot(columns, envs))
+        batch = envs.reset(snapshots=sp.pack_snapshot(columns, envs))
         first = recordings.FIRST_TARGET
         for script, expected in (
             ("attack_closest", [first, first + 1, first + 2]),

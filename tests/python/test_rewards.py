@@ -137,7 +137,7 @@ def test_replays_snapshots_and_followers_have_the_rewards(tmp_path: Path) -> Non
     with sp.make("3s_vs_5z", 1, fields=["snapshot"]) as other:
         other.reset()
         with pytest.raises(sp.errors.InvalidRequest, match="scenario"):
-            other.restore(snapshot)
+            other.reset(snapshots=snapshot)
 
 
 def test_every_interface_takes_them() -> None:

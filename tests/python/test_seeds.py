@@ -65,7 +65,7 @@ def reseeded(seed: int) -> Bits:
     fields = ["state", "avail_actions", "snapshot"]
     with sp.make("10m_vs_11m", 2, seed=3, threads=1, fields=fields) as envs:
         snapshots = envs.reset().snapshot.copy()
-        return played(envs, envs.restore(snapshots, rng="reseed", seed=seed))
+        return played(envs, envs.reset(seed=seed, snapshots=snapshots))
 
 
 def opponents(seed: int) -> Bits:

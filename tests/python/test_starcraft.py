@@ -53,7 +53,7 @@ def test_a_battle_goes_on_from_the_middle_of_its_attacks() -> None:
             assert any(columns[name].any() for columns in all_columns), name
         actions = [envs.sample_actions()]
         expected = envs.step(actions[0]).copy()
-        envs.restore(middle)
+        envs.reset(snapshots=middle)
         assert_equal([expected], [envs.step(actions[0]).copy()])
         # Edited columns are packed, and checked: a hit cannot be in flight to a unit that does not exist.
         columns = all_columns[0]

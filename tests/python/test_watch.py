@@ -316,7 +316,7 @@ def test_a_shown_moment_is_saved_as_the_snapshot_that_the_pool_made(
                 assert np.array_equal(saved, snapshots[step - 1])
                 page.press("End")
         programs_of_test.stop(programs_of_test.running[-1])
-        state = envs.restore(saved[None], [0]).state.copy()
+        state = envs.reset(env_id=[0], snapshots=saved[None]).state.copy()
         assert np.array_equal(state[0], state[1]), "environment 1 is still there"
     branch = str(tmp_path / "branch.smreplay")
     argv = [*PROGRAM, "record", "--from", str(file), "--policy", "kite", "--out", branch]

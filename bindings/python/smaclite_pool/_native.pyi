@@ -156,7 +156,7 @@ class Batch:
         """bool [M]: no step was made: the environment was reset, restored or only observed again."""
     @property
     def snapshot(self) -> NDArray[np.uint8]:
-        """uint8 [M, snapshot_size]: the battle as bytes, for `Envs.restore`; lanes must name this field."""
+        """uint8 [M, snapshot_size]: the battle as bytes, for `Envs.reset`; lanes must name this field."""
     @property
     def opponent(self) -> NDArray[np.int32]:
         """int32 [M]: what plays the enemies, an index in `OPPONENTS`; lanes must name this field."""
@@ -224,6 +224,7 @@ class Envs:
         timeout: float | None = None,
         *,
         levels: ArrayLike | None = None,
+        snapshots: NDArray[np.uint8] | None = None,
     ) -> Batch: ...
     def step(
         self, actions: ArrayLike, env_id: ArrayLike | None = None, timeout: float | None = None
@@ -237,35 +238,17 @@ class Envs:
         env_id: ArrayLike | None = None,
         *,
         levels: ArrayLike | None = None,
+        snapshots: NDArray[np.uint8] | None = None,
     ) -> None: ...
     def sample_actions(
         self, env_id: ArrayLike | None = None, out: NDArray[np.int32] | None = None
     ) -> NDArray[np.int32]: ...
     def seed_sampler(self, seed: int) -> None: ...
-    def restore(
-        self,
-        snapshots: NDArray[np.uint8],
-        env_id: ArrayLike | None = None,
-        *,
-        rng: Literal["keep", "reseed"] = "keep",
-        seed: int | None = None,
-        timeout: float | None = None,
-    ) -> Batch:
-        """Continue from snapshots, uint8 [K, snapshot_size], and return the batch with their observations."""
-    def async_restore(
-        self,
-        snapshots: NDArray[np.uint8],
-        env_id: ArrayLike | None = None,
-        *,
-        rng: Literal["keep", "reseed"] = "keep",
-        seed: int | None = None,
-    ) -> None: ...
     def fork(
         self,
         env_id_from: ArrayLike,
         env_id_to: ArrayLike,
         *,
-        rng: Literal["keep", "reseed"] = "keep",
         seed: int | None = None,
         timeout: float | None = None,
     ) -> Batch:
@@ -275,7 +258,6 @@ class Envs:
         env_id_from: ArrayLike,
         env_id_to: ArrayLike,
         *,
-        rng: Literal["keep", "reseed"] = "keep",
         seed: int | None = None,
     ) -> None: ...
     def render(

@@ -30,7 +30,7 @@ class Rollout:
 
     With next-step autoreset, the step after the end of an episode only resets its environment. Where
     `was_reset[t + 1]` is true, the actions of time t were ignored, or the battle went on elsewhere after a
-    `restore` or `fork`; leave them out of learning.
+    `reset(snapshots=)` or `fork`; leave them out of learning.
 
     Args:
         envs: environments in synchronous mode, or a wrapper of them.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -51,9 +51,11 @@ class Wrapper:
         timeout: float | None = None,
         *,
         levels: ArrayLike | None = None,
+        snapshots: NDArray[np.uint8] | None = None,
     ) -> Batch:
         """As `Envs.reset`."""
-        return self.change_batch(self.envs.reset(seed, mask, env_id, timeout, levels=levels))
+        batch = self.envs.reset(seed, mask, env_id, timeout, levels=levels, snapshots=snapshots)
+        return self.change_batch(batch)
 
     def step(
         self, actions: ArrayLike, env_id: ArrayLike | None = None, timeout: float | None = None
@@ -69,30 +71,16 @@ class Wrapper:
         """As `Envs.recv`."""
         return self.change_batch(self.envs.recv(timeout))
 
-    def restore(
-        self,
-        snapshots: NDArray[np.uint8],
-        env_id: ArrayLike | None = None,
-        *,
-        rng: Literal["keep", "reseed"] = "keep",
-        seed: int | None = None,
-        timeout: float | None = None,
-    ) -> Batch:
-        """As `Envs.restore`."""
-        restored = self.envs.restore(snapshots, env_id, rng=rng, seed=seed, timeout=timeout)
-        return self.change_batch(restored)
-
     def fork(
         self,
         env_id_from: ArrayLike,
         env_id_to: ArrayLike,
         *,
-        rng: Literal["keep", "reseed"] = "keep",
         seed: int | None = None,
         timeout: float | None = None,
     ) -> Batch:
         """As `Envs.fork`."""
-        forked = self.envs.fork(env_id_from, env_id_to, rng=rng, seed=seed, timeout=timeout)
+        forked = self.envs.fork(env_id_from, env_id_to, seed=seed, timeout=timeout)
         return self.change_batch(forked)
 
     @property

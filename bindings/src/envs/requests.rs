@@ -35,6 +35,7 @@ impl Envs {
         mask: Option<&Bound<'_, PyAny>>,
         env_id: Option<&Bound<'_, PyAny>>,
         levels: Option<&Bound<'_, PyAny>>,
+        snapshots: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<ResetArguments> {
         let ids = match (mask, env_id) {
             (Some(_), Some(_)) => {
@@ -46,8 +47,20 @@ impl Envs {
                 None => None,
             },
         };
-        let levels = levels.map(|levels| self.levels(levels, ids.as_deref())).transpose()?;
-        Ok(ResetArguments { ids, levels })
+        let start = match (levels, snapshots) {
+            (None, None) => Start::Scenario,
+            (Some(levels), None) => Start::Levels(self.levels(levels, ids.as_deref())?),
+            (None, Some(snapshots)) => {
+                let num_envs = ids.as_ref().map_or(self.description.settings.num_envs, Vec::len);
+                let size = self.layout.snapshot_size();
+                Start::Snapshots(convert::snapshot_rows(snapshots, num_envs, size)?)
+            }
+            (Some(_), Some(_)) => {
+                let text = "levels and snapshots cannot be combined; pass only one of them";
+                return Err(invalid_request(text));
+            }
+        };
+        Ok(ResetArguments { ids, start })
     }
 
     /// Converts the arguments of `step` and `send`.
@@ -66,10 +79,17 @@ impl Envs {
     }
 }
 
-/// Which environments `reset` and `async_reset` begin anew, and where.
+/// Which environments `reset` and `async_reset` change, and where they begin.
 pub(super) struct ResetArguments {
     pub(super) ids: Option<Vec<i32>>,
-    pub(super) levels: Option<Vec<f32>>,
+    pub(super) start: Start,
+}
+
+/// Where environments begin.
+pub(super) enum Start {
+    Scenario,
+    Levels(Vec<f32>),
+    Snapshots(Vec<u8>),
 }
 
 /// Writes actions straight into shared memory and sends them, without a wait if the pool reads its requests.

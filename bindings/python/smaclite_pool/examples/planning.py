@@ -180,7 +180,7 @@ def tree_search(envs: sp.Envs, score: Score, options: argparse.Namespace) -> Pla
 def grow(envs: sp.Envs, propose: Proposals, root: Node, score: Score, depth: int) -> None:
     """Adds a node per environment to the tree, and values all of them at once."""
     paths = [descend(root) for _ in range(envs.num_envs)]
-    batch = envs.restore(np.stack([path[-1].snapshot for path in paths]))
+    batch = envs.reset(snapshots=np.stack([path[-1].snapshot for path in paths]))
     actions = propose(batch)
     batch = envs.step(actions)
     for slot, path in enumerate(paths):

@@ -283,10 +283,7 @@ class SingleBattle:
 
         Raises InvalidRequest for a snapshot of another scenario or rule set.
         """
-        if not self.has_begun:
-            self.envs.reset()  # which every lane begins with
-        rng = "keep" if seed is None else "reseed"
-        self._last = TimeStep.of(self.envs.restore(snapshot, rng=rng, seed=seed))
+        self._last = TimeStep.of(self.envs.reset(seed, snapshots=snapshot))
         return self._last
 
     def step(self, actions: Sequence[int | np.integer[Any]] | NDArray[Any]) -> TimeStep:

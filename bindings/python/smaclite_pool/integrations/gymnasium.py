@@ -234,10 +234,9 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
 
         Returns observations and infos of all environments as after a reset. Without a seed the battles go on
         as they would have gone on; with one, environment i has the execution orders of seed + i. Raises
-        InvalidRequest as `Envs.restore`.
+        InvalidRequest as `Envs.reset`.
         """
-        rng: Literal["keep", "reseed"] = "keep" if seed is None else "reseed"
-        batch = self._envs.restore(snapshots, env_id, rng=rng, seed=seed)
+        batch = self._envs.reset(seed, env_id=env_id, snapshots=snapshots)
         self._keep(batch)
         return self._observations(batch, ""), self._infos(batch, np.ones(self.num_envs, np.bool_))
 

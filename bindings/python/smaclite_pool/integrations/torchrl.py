@@ -23,7 +23,7 @@ enemy: ("enemies", "reward") float32 [num_envs, n_enemies, 1], the same for all 
 from __future__ import annotations
 
 from os import PathLike
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -234,10 +234,9 @@ class PoolEnv(EnvBase):
         """Continue from snapshots, uint8 [K, snapshot_size], in all environments or those of `env_id`.
 
         Returns what `reset` returns. Without a seed the battles go on as they would have gone on; with one,
-        environment i has the execution orders of seed + i. Raises InvalidRequest as `Envs.restore`.
+        environment i has the execution orders of seed + i. Raises InvalidRequest as `Envs.reset`.
         """
-        rng: Literal["keep", "reseed"] = "keep" if seed is None else "reseed"
-        batch = self.envs.restore(snapshots.cpu().numpy(), env_id, rng=rng, seed=seed)
+        batch = self.envs.reset(seed, env_id=env_id, snapshots=snapshots.cpu().numpy())
         self._viewer.observe(batch)
         return self._decode(batch).update(self.full_done_spec.zero())
 
