@@ -10,7 +10,7 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 FOLDER = REPOSITORY / "docs" / "results"
 PROGRAM = REPOSITORY / "target" / "release" / "smaclite-pool"
 
-GROUPS = ("default", "generated", "open-loop", "other-critic", "paper-rules")
+GROUPS = ("default", "generated", "open-loop", "other-critic", "paper-rules", "starcraft")
 """What `results.train` reports, in a folder each."""
 
 Row = dict[str, str]

@@ -19,6 +19,13 @@ PAPER = {
 }
 """Algorithm and mean test return that the paper describes per scenario (its section 5.2)."""
 
+PYMARL2 = {
+    "8m": 100, "2s3z": 100, "1c3s5z": 100, "3s5z": 100, "8m_vs_9m": 100, "3s_vs_5z": 100, "bane_vs_bane": 100,
+    "2c_vs_64zg": 100, "corridor": 100, "MMM2": 100, "27m_vs_30m": 100, "5m_vs_6m": 90, "3s5z_vs_3s6z": 85,
+    "6h_vs_8z": 93,
+}  # fmt: skip
+"""Wins in StarCraft in percent, of the fine-tuned QMIX of PyMARL2 after 10M steps, by its README."""
+
 Cells = list[str]
 
 
@@ -33,6 +40,7 @@ def tables(reports: dict[str, list[Row]], searches: list[Row], scripts: str) -> 
         "critics": critics(runs, reports["other-critic"]),
         "paper": paper(runs),
         "rules": rules(runs, reports["paper-rules"]),
+        "starcraft": starcraft(reports["starcraft"]),
         "search": search(runs, searches, scripts),
     }
 
@@ -185,6 +193,30 @@ def paper(runs: list[Row]) -> str:
         ]
 
     return markdown(header, (cells(task, rows) for task, rows in by_task(runs) if task in PAPER))
+
+
+def starcraft(runs: list[Row]) -> str:
+    """Final episodes under rules `starcraft`, beside StarCraft's."""
+    header = [
+        "scenario", "wins, greedy (%)", "wins, sampled (%)", "PyMARL2's QMIX in StarCraft (%)",
+        "return, greedy", "CPU-seconds", "won after steps", "seeds that won",
+    ]  # fmt: skip
+
+    def cells(task: str, rows: list[Row]) -> Cells:
+        won = [row for row in rows if row["greedy_win_steps"]]
+        return [
+            task,
+            spread(rows, "greedy_win_rate", percent),
+            spread(rows, "sampled_win_rate", percent),
+            str(PYMARL2.get(task, "")),
+            middle(rows, "greedy_mean_return", two_digits),
+            middle(rows, "cpu_seconds", whole),
+            middle(endless(rows), "greedy_win_steps", whole) if 2 * len(won) > len(rows) else "",
+            f"{len(won)} of {len(rows)}",
+        ]
+
+    named = [{**row, "task": row["task"].removesuffix("-starcraft-1")} for row in runs]
+    return markdown(header, (cells(*found) for found in by_task(named)))
 
 
 def endless(rows: list[Row]) -> list[Row]:

@@ -40,6 +40,7 @@ GROUPS: dict[str, dict[str, list[str]]] = {
         for scenario in sp.scenarios(generated=False)
     },
     "paper-rules": {scenario: [*FLAT, "--rules", "paper"] for scenario in ("MMM", "MMM2")},
+    "starcraft": {scenario: ["--rules", "starcraft"] for scenario in sp.scenarios(generated=False)},
 }
 """What is trained for each report: scenarios, with options other than the defaults. In the group `open-loop`,
 agents observe the time, their own number and their own last actions alone."""
@@ -50,6 +51,7 @@ KEPT = {
     "open-loop": ("runs.csv",),
     "other-critic": ("runs.csv",),
     "paper-rules": ("runs.csv",),
+    "starcraft": ("runs.csv",),
 }
 """Files of each report that the documentation keeps."""
 
