@@ -12,9 +12,7 @@ use self::render::{Renderer, SheetStyle, render_batch};
 use self::requests::{ResetArguments, Start, begin_step, receive};
 use self::shared::SharedClient;
 use crate::batch::Batch;
-use crate::convert::{
-    self, Int32Array, IntArg, env_ids, timeout_seconds, to_dict, to_duration, to_unsigned,
-};
+use crate::convert::{self, Int32Array, IntArg, env_ids, timeout_seconds, to_dict, to_duration, to_unsigned};
 use crate::errors::{class, client_error, connect_error, invalid_request};
 use crate::exit::{self, CloseAtExit};
 use crate::habits::{Place, cannot_be_copied, no_attribute, refuse_keywords};

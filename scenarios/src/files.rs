@@ -51,12 +51,6 @@ impl ScenarioFiles {
         Ok((scenario, ScenarioFiles { source, text, unit_files }))
     }
 
-    /// The `opponent` that the scenario file names; `None` also if the text is no scenario.
-    pub fn opponent(&self) -> Option<String> {
-        let file: serde_json::Value = serde_json::from_str(&self.text).ok()?;
-        file.get("opponent")?.as_str().map(str::to_owned)
-    }
-
     /// The files with other top-level keys of the scenario file: `null` removes a key, the options of
     /// `smacv2` and `rewards` are added to those of the file, `teams` replaces `groups`, and any other value
     /// replaces the file's. The text is written anew, and what cannot be changed because it is no JSON object

@@ -5,13 +5,13 @@ use crate::generation::keys::{starts_schema, teams_schema};
 use crate::rewards::REWARD_KEYS;
 use crate::smacv2::SMACV2_KEYS;
 use crate::terrain::ON_ANY_MAP;
-use crate::{Faction, MAX_SIDE, MAX_UNITS, Scenario, Terrain};
+use crate::{Faction, MAX_SIDE, MAX_UNITS, March, Scenario, Terrain};
 use serde_json::json;
+use smaclite_units::UnitType;
 use smaclite_units::file::{
     AnyKey, Flag, Key, Kind, Range, SCHEMA_DIALECT, SCHEMA_KEY, Schema, Shape, Text, Whole, Word,
     object_schema,
 };
-use smaclite_units::{Keyword, UnitType};
 use std::marker::PhantomData;
 
 /// Every key of a scenario file, in the order in which files have them.
@@ -232,18 +232,6 @@ impl Scenario {
         ]);
         schema
     }
-}
-
-/// An opponent that needs no policy.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum March {
-    ToAttackPoint,
-    ToNearestAgent,
-}
-
-impl Keyword for March {
-    const KEYWORDS: &'static [(&'static str, March)] =
-        &[("attack_move", March::ToAttackPoint), ("attack_nearest", March::ToNearestAgent)];
 }
 
 fn heights_schema() -> Schema {

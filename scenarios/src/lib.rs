@@ -38,7 +38,7 @@ pub use files::ScenarioFiles;
 pub use formation::formation;
 pub use generation::{Drawer, Drawn, DrawnTeams, Generation, Starts, Teams};
 pub use rewards::Rewards;
-pub use scenario::{Destination, Faction, Placement, Scenario};
+pub use scenario::{Destination, Faction, March, Placement, Scenario};
 /// What is wrong with scenario and unit files.
 pub use smaclite_units::{Problem, Problems};
 pub use smacv2::{Capability, EnemyMask, Smacv2};

@@ -62,7 +62,6 @@ impl Scenario {
         let enemy_has_shields = file.read(&keys::ENEMY_HAS_SHIELDS);
         let episode_limit = file.read_optional(&keys::EPISODE_LIMIT);
         schema?;
-        opponent?;
         let (counts, (num_unit_types, type_ids)) = (counts?, ids?);
         let (roster, generation) = generated?;
         roster.placed.0?;
@@ -70,6 +69,7 @@ impl Scenario {
             name: name?,
             attack_point: attack_point?,
             march_to: march_to?,
+            opponent: opponent?,
             num_unit_types,
             type_ids,
             ally_has_shields: ally_has_shields?,

@@ -45,6 +45,20 @@ pub struct Placement {
     pub centre: [f64; 2],
 }
 
+/// What enemies do that nothing else plays.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum March {
+    /// They attack-move to the attack point.
+    ToAttackPoint,
+    /// They attack-move to the nearest agent.
+    ToNearestAgent,
+}
+
+impl Keyword for March {
+    const KEYWORDS: &'static [(&'static str, March)] =
+        &[("attack_move", March::ToAttackPoint), ("attack_nearest", March::ToNearestAgent)];
+}
+
 /// Where enemies march to, if it is not the attack point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Destination {
@@ -69,6 +83,8 @@ pub struct Scenario {
     pub attack_point: [f64; 2],
     /// Where they march to instead under rules `starcraft`.
     pub march_to: Option<Destination>,
+    /// Who plays the enemies unless a user says otherwise; `None` if the file does not say it.
+    pub opponent: Option<March>,
     /// Length of the type one-hot in observations and state; 0 for none, otherwise at least 2.
     pub num_unit_types: usize,
     /// Position in the one-hot of each entry of `unit_types`; all 0 when `num_unit_types` is 0.

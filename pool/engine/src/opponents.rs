@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::random::Generator;
 use crate::sides::Sides;
 use crate::tactic::Tactic;
-use smaclite_scenarios::ScenarioFiles;
+use smaclite_scenarios::{March, ScenarioFiles};
 use smaclite_units::file::or_did_you_mean;
 
 /// What plays the enemies in one episode.
@@ -189,11 +189,16 @@ impl Opponents {
     }
 
     /// Who plays the enemies where nothing else is said: the learner if joint actions play both sides, else
-    /// the opponent that the scenario file names, else attack-move.
+    /// the opponent that the scenario file names, else attack-move. What cannot be read names none.
     pub fn of(files: &ScenarioFiles, sides: Sides) -> Opponents {
-        let named = || files.opponent().and_then(|name| Opponent::from_name(&name).ok());
-        let own = if sides.are_both() { Some(Opponent::Learner) } else { named() };
-        own.map(Opponents::from).unwrap_or_default()
+        let own = match sides.are_both() {
+            true => Opponent::Learner,
+            false => match files.scenario().map(|scenario| scenario.opponent) {
+                Ok(Some(March::ToNearestAgent)) => Opponent::AttackNearest,
+                Ok(Some(March::ToAttackPoint) | None) | Err(_) => Opponent::AttackMove,
+            },
+        };
+        own.into()
     }
 
     /// Whether they are attack-move alone.

@@ -34,7 +34,8 @@ use std::sync::Arc;
 ///
 /// ```
 /// use smaclite_engine::{Rules, policy};
-/// use smaclite_learn::{Amount, ArrayName, Dataset, Recording, Source, resolve_scenario};
+/// use smaclite_lab::{Amount, ArrayName, Dataset, Recording, Source};
+/// use smaclite_learn::resolve_scenario;
 ///
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
 /// let source = Source::Script {
