@@ -146,10 +146,11 @@ impl Envs {
     ///     TooManyBatchesHeld: `max_held_batches` batches are in use.
     ///     PoolDied: the pool has ended.
     ///     LaneFailed: the lane failed.
-    #[pyo3(signature = (seed=None, mask=None, env_id=None, timeout=None, *, levels=None, snapshots=None, **unknown))]
-    #[pyo3(
-        text_signature = "($self, seed=None, mask=None, env_id=None, timeout=None, *, levels=None, snapshots=None)"
-    )]
+    #[pyo3(signature = (
+        seed=None, mask=None, env_id=None, timeout=None, *, levels=None, snapshots=None, **unknown
+    ))]
+    #[pyo3(text_signature = "($self, seed=None, mask=None, env_id=None, timeout=None, *, levels=None, \
+                          snapshots=None)")]
     #[allow(clippy::too_many_arguments)] // keyword arguments in Python
     fn reset(
         &self,

@@ -1,8 +1,9 @@
-//! Everything that reads bytes of other programs, given inputs that were found by fuzzing, and changes of them.
+//! Everything that reads bytes of other programs, given inputs that were found by fuzzing, and changes of
+//! them.
 //!
-//! A file per kind of input has the function that reads it and checks what came of it; the fuzzers (`just fuzz`)
-//! run the same functions. `seeds` has inputs that were written by hand, `corpus` those that reached code which no
-//! other did (`just fuzz-corpus` renews them).
+//! A file per kind of input has the function that reads it and checks what came of it; the fuzzers
+//! (`just fuzz`) run the same functions. `seeds` has inputs that were written by hand, `corpus` those that
+//! reached code which no other did (`just fuzz-corpus` renews them).
 
 mod frame;
 mod replay_file;
@@ -54,8 +55,8 @@ fn kept(kind: &str) -> Vec<(String, Vec<u8>)> {
     inputs
 }
 
-/// Changes some bytes, as a fuzzer does that knows nothing of the code: bytes are replaced, inserted, repeated
-/// and cut, or come from another input.
+/// Changes some bytes, as a fuzzer does that knows nothing of the code: bytes are replaced, inserted,
+/// repeated and cut, or come from another input.
 fn change(bytes: &mut Vec<u8>, inputs: &[(String, Vec<u8>)], random: &mut impl Rng) {
     for _ in 0..random.random_range(1..4) {
         let at = random.random_range(0..=bytes.len());

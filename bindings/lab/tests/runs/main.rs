@@ -1,5 +1,5 @@
-//! Runs after their training: evaluations are played again, reports compare them, and other learners' runs are
-//! read.
+//! Runs after their training: evaluations are played again, reports compare them, and runs of other learners
+//! are read.
 
 mod evaluations;
 mod foreign;

@@ -1,5 +1,5 @@
-//! Battles that are played here, without a pool: some episodes in lockstep, so that a team chooses the actions
-//! of all of them at once. Either those of a pairing, or those of one player whose steps are shown.
+//! Battles that are played here, without a pool: some episodes in lockstep, so that a team chooses the
+//! actions of all of them at once. Either those of a pairing, or those of one player whose steps are shown.
 
 mod pairing;
 mod player;
