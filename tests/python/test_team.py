@@ -413,7 +413,7 @@ def test_a_team_is_sent_to_other_processes() -> None:
 def test_environments_say_what_to_use_instead_of_a_copy() -> None:
     with sp.make("3m", num_envs=1) as envs:
         for make_copy in (pickle.dumps, copy.copy, copy.deepcopy):
-            with pytest.raises(TypeError, match="`fork` copies battles .* `snapshot` and `restore`"):
+            with pytest.raises(TypeError, match="`fork` copies battles .* `snapshot` and `reset`"):
                 make_copy(envs)
 
 
