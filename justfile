@@ -173,7 +173,7 @@ fuzz seconds="60" $RUSTC_BOOTSTRAP="1":
     @command -v cargo-fuzz >/dev/null || RUSTC_BOOTSTRAP=0 cargo install --locked cargo-fuzz
     for target in {{ fuzz_targets }}; do \
         mkdir -p tests/fuzz/corpus/$target || exit; \
-        {{ python }} tests/inputs/corpus.py unpack $target || exit; \
+        python3 tests/inputs/corpus.py unpack $target || exit; \
         cargo fuzz run --fuzz-dir tests/fuzz --release --debug-assertions $target \
             tests/fuzz/corpus/$target tests/inputs/seeds/$target -- \
             -max_total_time={{ seconds }} -dict=tests/fuzz/json.dict -verbosity=0 -print_final_stats=1 || exit; \
@@ -183,7 +183,7 @@ fuzz seconds="60" $RUSTC_BOOTSTRAP="1":
 fuzz-corpus $RUSTC_BOOTSTRAP="1":
     for target in {{ fuzz_targets }}; do \
         cargo fuzz cmin --fuzz-dir tests/fuzz --release --debug-assertions $target tests/fuzz/corpus/$target || exit; \
-        {{ python }} tests/inputs/corpus.py pack $target || exit; \
+        python3 tests/inputs/corpus.py pack $target || exit; \
     done
 
 # Test engine and pool with valgrind: uninitialised or out-of-bounds reads, leaks
