@@ -24,7 +24,8 @@ use numpy::{PyArray2, PyArray3, PyArrayDescr, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use smaclite_engine::Faction;
-use smaclite_ipc::{Client, LaneDescription, Supervisor, WaitOptions, lane_scenario};
+use smaclite_ipc::{Client, ClientError, LaneDescription, Supervisor, WaitOptions, lane_scenario};
+use smaclite_pool::Rejection;
 use smaclite_pool::layout::Layout;
 use smaclite_scenarios::Scenario;
 use std::collections::BTreeMap;
@@ -132,8 +133,9 @@ impl Envs {
     ///         `snapshot` of this or another lane of the same scenario, rule set and `obs_last_actions`. The
     ///         lane needs the field (`make(..., fields=[..., "snapshot"])`). No step is made: rewards are 0,
     ///         and `was_reset` is true of all environments in the batch. Either all selected environments
-    ///         change, or none. With a seed, one integer, environment i continues with the execution orders
-    ///         of seed + i; without one, with those that would have been drawn.
+    ///         change, or none; a lane that was not reset before is reset first. With a seed, one integer,
+    ///         environment i continues with the execution orders of seed + i; without one, with those that
+    ///         would have been drawn.
     ///     timeout: seconds to wait for the batch; None for no limit.
     ///
     /// Raises:
@@ -176,11 +178,18 @@ impl Envs {
             Start::Levels(levels) => seeds.reset(py, client, ids, Some(&levels), timeout),
             Start::Snapshots(snapshots) => {
                 let seed = seeds.one()?;
+                let is_synchronous = client.description().settings.is_synchronous();
+                let send = |client: &mut Client| {
+                    wait_detached(py, None, |wait| match client.send_restore(&snapshots, ids, seed, wait) {
+                        Err(ClientError::Rejected(Rejection::NotReset)) if is_synchronous => Ok(false),
+                        sent => sent.map(|()| true),
+                    })
+                };
                 // A lane begins with a reset of all, which the snapshots then replace.
-                if client.newest().is_none() && client.description().settings.is_synchronous() {
+                if !send(client)? {
                     wait_detached(py, timeout, |wait| client.reset(None, None, wait))?;
+                    send(client)?;
                 }
-                wait_detached(py, None, |wait| client.send_restore(&snapshots, ids, seed, wait))?;
                 receive(py, client, timeout)
             }
         }

@@ -135,6 +135,11 @@ def test_battles_continue_in_environments_that_were_not_reset() -> None:
         kept = envs.reset(seed=1).snapshot
         batch = others.reset(snapshots=kept)
         assert batch.was_reset.all() and np.array_equal(batch.snapshot, kept)
+        with sp.make("3m", 2, seed=7) as plain, sp.make("3m", 2, seed=7) as untouched:
+            with pytest.raises(sp.errors.InvalidRequest, match="name the field `snapshot`"):
+                plain.reset(snapshots=kept)
+            first = [each.reset().obs for each in (plain, untouched)]
+            assert np.array_equal(first[0], first[1]), "what was refused drew no episode"
         only_one = others.reset(mask=[False, True], snapshots=kept[0])
         assert np.array_equal(only_one.snapshot, kept[[0, 0]])
 

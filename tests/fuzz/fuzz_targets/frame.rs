@@ -1,3 +1,4 @@
+//! The fuzzer of `tests/inputs/frame.rs`, which says what it reads.
 #![no_main]
 
 #[path = "../../inputs/frame.rs"]

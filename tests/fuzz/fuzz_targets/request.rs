@@ -1,3 +1,4 @@
+//! The fuzzer of `tests/inputs/request.rs`, which says what it reads.
 #![no_main]
 
 #[path = "../../inputs/request.rs"]

@@ -1,3 +1,4 @@
+//! The fuzzer of `tests/inputs/scenario_file.rs`, which says what it reads.
 #![no_main]
 
 #[path = "../../inputs/scenario_file.rs"]

@@ -1,3 +1,4 @@
+//! The fuzzer of `tests/inputs/snapshot.rs`, which says what it reads.
 #![no_main]
 
 #[path = "../../inputs/snapshot.rs"]
