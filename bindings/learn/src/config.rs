@@ -216,6 +216,9 @@ pub struct Config {
     /// Who plays the enemies.
     #[serde(default, skip_serializing_if = "Enemies::are_scripts")]
     pub enemies: Enemies,
+    /// The environments of each map are in proportion to its weight, above 0; none if all are equal.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub map_weights: Vec<f64>,
 }
 
 /// The default weight of the entropy at the beginning, divided by the number of agents. The more agents
@@ -280,6 +283,7 @@ impl Config {
             max_grad_norm: 1.0,
             evaluate_every: None,
             enemies: Enemies::Scripts,
+            map_weights: Vec::new(),
         }
     }
 }
@@ -307,9 +311,22 @@ impl Config {
     /// Checks that a run can have so many maps.
     ///
     /// # Errors
-    /// If there is none, or if there are several, and the networks or the evaluations are those of one.
+    /// If there is none, or if there are several, and the networks or the evaluations are those of one; or if
+    /// a map would have no environment.
     pub fn check_maps(&self, count: usize) -> Result<(), ConfigError> {
         ensure((1..=self.num_envs).contains(&count), "maps", "between 1 and num_envs", &count)?;
+        let weights = &self.map_weights;
+        let are_valid = weights.iter().all(|weight| *weight > 0.0 && weight.is_finite());
+        let accepted = "one number above 0 per map";
+        ensure(
+            are_valid && [0, count].contains(&weights.len()),
+            "map_weights",
+            accepted,
+            &format!("{weights:?}"),
+        )?;
+        let envs = self.envs_of_maps(count);
+        let accepted = "so many that each map has one";
+        ensure(!envs.contains(&0), "num_envs", accepted, &format!("{}, divided as {envs:?}", self.num_envs))?;
         let is_universal = count == 1 || self.network == NetworkKind::Universal;
         ensure(
             is_universal,
@@ -320,6 +337,26 @@ impl Config {
         let every = self.evaluate_every.filter(|_| count > 1);
         let accepted = "left out with several maps: evaluate the team on each when the run is complete";
         ensure(every.is_none(), "evaluate_every", accepted, &every.unwrap_or_default())
+    }
+
+    /// Divides the environments among so many maps, by their weights.
+    #[must_use]
+    pub fn envs_of_maps(&self, count: usize) -> Vec<usize> {
+        let equal = vec![1.0; count];
+        let weights = if self.map_weights.is_empty() { &equal } else { &self.map_weights };
+        let total: f64 = weights.iter().sum();
+        let (mut sum, mut begin) = (0.0, 0);
+        let divide = |(map, weight): (usize, &f64)| {
+            sum += weight;
+            // The last end is exact, whatever was rounded before.
+            let end = if map + 1 == weights.len() {
+                self.num_envs
+            } else {
+                (self.num_envs as f64 * sum / total) as usize
+            };
+            end - std::mem::replace(&mut begin, end)
+        };
+        weights.iter().enumerate().map(divide).collect()
     }
 
     fn check_sizes(&self) -> Result<(), ConfigError> {
@@ -452,6 +489,27 @@ mod tests {
         {
             let scenario = Scenario::standard(name).expect("a standard scenario");
             assert_eq!(Config::for_scenario(&scenario).algorithm, algorithm, "{name}");
+        }
+    }
+
+    #[test]
+    fn environments_are_divided_by_weight() {
+        let config = |num_envs, weights: &[f64]| Config {
+            num_envs,
+            map_weights: weights.to_vec(),
+            ..Config::for_agents(3).with_network(NetworkKind::Universal)
+        };
+        assert_eq!(config(64, &[]).envs_of_maps(1), [64]);
+        assert_eq!(config(64, &[]).envs_of_maps(3), [21, 21, 22]);
+        assert_eq!(config(64, &[1.0, 1.0, 2.0]).envs_of_maps(3), [16, 16, 32]);
+        assert_eq!(config(10, &[0.1, 0.2, 0.7]).envs_of_maps(3), [1, 2, 7]);
+        assert_eq!(config(10, &[0.1, 0.2, 0.7]).check_maps(3), Ok(()));
+        let error = |config: Config, count| config.check_maps(count).unwrap_err().to_string();
+        let expected = "num_envs must be so many that each map has one, got 10, divided as [0, 10]";
+        assert_eq!(error(config(10, &[1.0, 19.0]), 2), expected);
+        let expected = "map_weights must be one number above 0 per map, got ";
+        for weights in [&[1.0, 0.0][..], &[1.0, f64::NAN], &[1.0, -1.0], &[1.0], &[1.0, f64::INFINITY]] {
+            assert!(error(config(10, weights), 2).starts_with(expected), "{weights:?}");
         }
     }
 

@@ -97,28 +97,23 @@ impl Lanes {
         threads: usize,
         runtime_dir: &RuntimeDir,
     ) -> Result<Lanes, LaneError> {
-        let setups = std::slice::from_ref(setup);
-        let mut lanes = Lanes::start_maps(setups, num_envs, last_actions, threads, runtime_dir)?;
-        Ok(lanes.remove(0))
+        let maps = [(setup, num_envs)];
+        Ok(Lanes::start_maps(&maps, last_actions, threads, runtime_dir)?.remove(0))
     }
 
-    /// The same for a run on several maps: a pool with lanes of each, among which the environments are
-    /// divided as equally as can be.
+    /// The same for a run on several maps: a pool with lanes of each, which have so many environments.
     ///
     /// # Errors
     /// As [`Supervisor::start`].
     pub fn start_maps(
-        setups: &[BattleSetup],
-        num_envs: usize,
+        maps: &[(&BattleSetup, usize)],
         last_actions: usize,
         threads: usize,
         runtime_dir: &RuntimeDir,
     ) -> Result<Vec<Lanes>, LaneError> {
         let (mut lanes, mut names) = (Vec::new(), Vec::new());
-        for (map, setup) in setups.iter().enumerate() {
-            let begin = |map: usize| num_envs * map / setups.len();
-            let of_map = begin(map + 1) - begin(map);
-            let halves = [("first", of_map.div_ceil(2)), ("second", of_map / 2)];
+        for (map, (setup, num_envs)) in maps.iter().enumerate() {
+            let halves = [("first", num_envs.div_ceil(2)), ("second", num_envs / 2)];
             let halves = halves.into_iter().filter(|(_, num_envs)| *num_envs > 0);
             let halves = halves.map(|(half, num_envs)| {
                 let mut lane = lane_config(setup, &format!("{half}-{map}"), num_envs);
@@ -139,11 +134,11 @@ impl Lanes {
         let pool = Arc::new(Supervisor::start(config)?);
         let mut connect =
             |lane: Option<&str>, _: Interrupted<'_>| pool.connect(lane, WaitStrategy::default());
-        let attach = |(setup, names): (&BattleSetup, Vec<String>)| {
+        let attach = |(&(setup, _), names): (&(&BattleSetup, usize), Vec<String>)| {
             let lanes = Lanes::attach_by(&mut connect, setup, runtime_dir, &name, &names, &mut || false)?;
             Ok(Lanes { _pool: Some(Arc::clone(&pool)), ..lanes })
         };
-        setups.iter().zip(names).map(attach).collect()
+        maps.iter().zip(names).map(attach).collect()
     }
 
     /// Attaches to lanes of a running pool, or to its only one if none is named. `interrupted` ends the wait

@@ -42,8 +42,9 @@ pub(super) struct Train {
     map: Option<String>,
     /// Train one team on several maps at once: their names or files, separated by commas; `all` are those of
     /// SMAC, `generated` those with drawn teams. Its networks are `universal`, its critic sees the state, and
-    /// the environments, at least 8 per map by default, are divided among them
-    #[arg(long, value_name = "MAP,...", value_delimiter = ',', add = completions::scenario(),
+    /// the environments, at least 8 per map by default, are divided among them, equally or by weights, as in
+    /// `all,protoss_5_vs_5=2`
+    #[arg(long, value_name = "MAP[=WEIGHT],...", value_delimiter = ',', add = completions::scenario(),
         conflicts_with_all = ["map", "pool", "resume", "opponent", "seeds", "evaluate_every"])]
     maps: Option<Vec<String>>,
     /// Folder of the run: weights, checkpoint and logs; must not hold a run. With --seeds, each run has a
@@ -186,6 +187,25 @@ fn in_words(maps: &[BattleSetup]) -> String {
     format!("{} maps", maps.len())
 }
 
+/// Names, and each with its weight: `MAP=WEIGHT`, or a `MAP`, whose weight is 1. What comes behind the last
+/// `=` of a name and is no number is part of it.
+fn weighted_maps(arguments: &[String]) -> Vec<(String, f64)> {
+    let weighted = |argument: &String| match argument.rsplit_once('=') {
+        Some((name, weight)) => weight.parse().ok().map(|weight| (name.to_owned(), weight)),
+        None => None,
+    };
+    let arguments = arguments.iter().map(|argument| weighted(argument).unwrap_or((argument.clone(), 1.0)));
+    let expanded = arguments.flat_map(|(name, weight)| {
+        let names: Vec<String> = match name.as_str() {
+            "all" => Scenario::standard_names().map(str::to_owned).collect(),
+            "generated" => Scenario::generated_names().map(str::to_owned).collect(),
+            _ => vec![name],
+        };
+        names.into_iter().map(move |name| (name, weight))
+    });
+    expanded.collect()
+}
+
 /// Lanes of each map.
 fn lanes_of_maps(
     setups: &[BattleSetup],
@@ -193,8 +213,8 @@ fn lanes_of_maps(
     threads: usize,
     runtime_dir: &RuntimeDir,
 ) -> Result<Vec<Lanes>, LaneError> {
-    let Config { num_envs, last_actions, .. } = *config;
-    Lanes::start_maps(setups, num_envs, last_actions, (threads - 1).max(1), runtime_dir)
+    let maps: Vec<_> = setups.iter().zip(config.envs_of_maps(setups.len())).collect();
+    Lanes::start_maps(&maps, config.last_actions, (threads - 1).max(1), runtime_dir)
 }
 
 /// What is trained.
@@ -343,13 +363,9 @@ impl Train {
         threads: usize,
         runtime_dir: &RuntimeDir,
     ) -> Result<Opened, Box<dyn Error>> {
-        let names = names.iter().flat_map(|name| match name.as_str() {
-            "all" => Scenario::standard_names().map(str::to_owned).collect(),
-            "generated" => Scenario::generated_names().map(str::to_owned).collect(),
-            _ => vec![name.clone()],
-        });
-        let resolve = |name: String| resolve_scenario(&name, self.rules.unwrap_or_default());
-        let setups = names.map(resolve).collect::<Result<Vec<BattleSetup>, _>>()?;
+        let (names, weights): (Vec<String>, Vec<f64>) = weighted_maps(names).into_iter().unzip();
+        let resolve = |name: &String| resolve_scenario(name, self.rules.unwrap_or_default());
+        let setups = names.iter().map(resolve).collect::<Result<Vec<BattleSetup>, _>>()?;
         setups.iter().for_each(|setup| warn_of(&setup.files));
         let mut n_agents = 0;
         for setup in &setups {
@@ -358,7 +374,9 @@ impl Train {
         // Explores as the mean of its teams; the state says how strong drawn teams are.
         let config = Config::for_agents(n_agents / setups.len()).with_network(NetworkKind::Universal);
         let num_envs = config.num_envs.max(ENVS_PER_MAP * setups.len());
-        let mut config = Config { algorithm: Algorithm::Mappo, num_envs, ..config };
+        let are_given = weights.iter().any(|weight| *weight != 1.0);
+        let map_weights = if are_given { weights } else { Vec::new() };
+        let mut config = Config { algorithm: Algorithm::Mappo, num_envs, map_weights, ..config };
         config.steps = self.steps.unwrap_or(config.steps);
         let config = self.hyperparameters.apply(config);
         config.check()?;
@@ -434,5 +452,23 @@ impl Train {
             Some(pool) => Lanes::attach(setup, runtime_dir, pool, &self.lane, interrupted)?,
             None => Lanes::start(setup, num_envs, last_actions, (threads - 1).max(1), runtime_dir)?,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::weighted_maps;
+
+    #[test]
+    fn a_number_behind_the_last_equals_sign_is_a_weight() {
+        let parse =
+            |arguments: &[&str]| weighted_maps(&arguments.iter().map(|&a| a.to_owned()).collect::<Vec<_>>());
+        let expected = [("3m", 1.0), ("runs/a=b.json", 1.0), ("runs/a=b.json", 2.5), ("8m", -1.0)];
+        let found = parse(&["3m", "runs/a=b.json", "runs/a=b.json=2.5", "8m=-1"]);
+        assert_eq!(found, expected.map(|(name, weight)| (name.to_owned(), weight)));
+        let generated = parse(&["generated=0.5", "all"]);
+        assert_eq!(generated.len(), 38);
+        assert!(generated.iter().all(|(name, weight)| *weight
+            == if name.contains("_5_vs_5") || name.contains("0_vs_") { 0.5 } else { 1.0 }));
     }
 }

@@ -18,8 +18,8 @@ fn setups(names: &[&str]) -> Vec<BattleSetup> {
 }
 
 fn lanes(place: &Place, setups: &[BattleSetup], config: &Config, threads: usize) -> Vec<Lanes> {
-    let Config { num_envs, last_actions, .. } = *config;
-    Lanes::start_maps(setups, num_envs, last_actions, threads, &place.runtime_dir).unwrap()
+    let maps: Vec<_> = setups.iter().zip(config.envs_of_maps(setups.len())).collect();
+    Lanes::start_maps(&maps, config.last_actions, threads, &place.runtime_dir).unwrap()
 }
 
 fn begin(place: &Place, name: &str, setups: &[BattleSetup], config: &Config, threads: usize) -> Run {
@@ -59,7 +59,8 @@ fn a_resumed_run_of_a_universal_network_has_the_same_bits() {
 fn a_resumed_run_on_several_maps_has_the_same_bits_on_any_number_of_threads() {
     let place = Place::new();
     let setups = setups(&["3m", "2s3z", "MMM"]);
-    let config = universal(Config { num_envs: 12, steps: 34 * 190, epochs: 1, ..small() });
+    let map_weights = vec![1.0, 2.0, 3.0];
+    let config = universal(Config { num_envs: 12, steps: 34 * 190, epochs: 1, map_weights, ..small() });
     complete(begin(&place, "whole", &setups, &config, 1));
     let mut run = begin(&place, "resumed", &setups, &config, 3);
     for _ in 0..33 {
@@ -69,6 +70,7 @@ fn a_resumed_run_on_several_maps_has_the_same_bits_on_any_number_of_threads() {
     drop(run);
     let run = RunDescription::read(&place.path("resumed")).unwrap();
     assert_eq!((run.name.as_str(), &run.other_maps[..]), ("3m", &setups[1..]));
+    assert_eq!(run.config.map_weights, [1.0, 2.0, 3.0]);
     let log = std::fs::read_to_string(place.path("whole").join("log.csv")).unwrap();
     let header = log.lines().next().unwrap();
     assert!(header.ends_with("learn_share,win_rate_3m,win_rate_2s3z,win_rate_MMM"), "{header}");
@@ -81,9 +83,9 @@ fn a_resumed_run_on_several_maps_has_the_same_bits_on_any_number_of_threads() {
     assert_eq!(error, "the run has 3 maps, but lanes were given for 1");
     let mut uneven = lanes(&place, &setups, &config, 1);
     let start = |setup, num_envs| Lanes::start(setup, num_envs, 0, 1, &place.runtime_dir).unwrap();
-    (uneven[0], uneven[1]) = (start(&setups[0], 5), start(&setups[1], 3));
+    (uneven[0], uneven[1]) = (start(&setups[0], 1), start(&setups[1], 5));
     let error = resume(uneven);
-    assert_eq!(error, "the maps have [5, 3, 4] environments, but those of the checkpoint [4, 4, 4]");
+    assert_eq!(error, "the maps have [1, 5, 6] environments, but those of the checkpoint [2, 4, 6]");
 }
 
 /// The program and Python play single battles with it, on a map of the caller's.
