@@ -46,6 +46,7 @@ BENCHMARKS = [
         "environment steps per second",
         columns=("engine alone", "1 thread", "two engines", "2 threads"),
     ),
+    Benchmark("cores", "environment steps per second", drawn=False),
     Benchmark("paper", "microseconds per step", log=True),
     Benchmark("epymarl", "environment steps per second"),
     Benchmark("many", "", drawn=False),
