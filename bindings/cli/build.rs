@@ -2,7 +2,7 @@
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");
-    for name in ["TARGET", "PROFILE", "CARGO_CFG_TARGET_FEATURE"] {
+    for name in ["TARGET", "PROFILE"] {
         println!("cargo::rustc-env=BUILD_{name}={}", std::env::var(name).unwrap_or_default());
     }
 }

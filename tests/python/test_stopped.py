@@ -112,7 +112,7 @@ def catches(pid: int, number: signal.Signals) -> bool:
     return bool(int(caught, 16) >> (number - 1) & 1)
 
 
-@pytest.mark.parametrize("command", ["record", "train", "doctor"])
+@pytest.mark.parametrize("command", ["record", "train"])
 def test_a_signal_ends_a_command_that_waits_for_a_stopped_pool(
     serve: Serve, command: str, tmp_path: Path
 ) -> None:
@@ -122,7 +122,6 @@ def test_a_signal_ends_a_command_that_waits_for_a_stopped_pool(
     options = {
         "record": ["--pool", "train", "--out", str(tmp_path / "a.smreplay")],
         "train": ["--pool", "train", "--out", str(tmp_path / "run")],
-        "doctor": [],
     }[command]
     process = subprocess.Popen(
         [sys.executable, "-m", "smaclite_pool", command, *options],
