@@ -6,6 +6,7 @@
 mod branching;
 mod engine;
 mod instructions;
+mod null;
 mod ping_pong;
 mod policies;
 mod pools;
@@ -15,7 +16,6 @@ mod symmetry;
 mod transport;
 
 use clap::{Parser, Subcommand};
-use smaclite_cli::bench::null;
 use smaclite_cli::bench::play::Policy;
 use smaclite_cli::bench::throughput::Workload;
 use smaclite_cli::process::wait_for_termination;
@@ -24,6 +24,7 @@ use smaclite_pool::PoolOptions;
 use std::error::Error;
 use std::num::NonZeroUsize;
 use std::process::{Command, ExitCode};
+use std::time::Duration;
 
 /// Produce the results in benches/README.md.
 #[derive(Parser)]
@@ -44,6 +45,12 @@ enum Measurement {
         /// Names or files of scenarios
         #[arg(default_value = "3s5z", value_name = "SCENARIO")]
         scenarios: Vec<String>,
+    },
+    /// Steps/s of an embedded pool of 64 environments that do nothing, as JSON (for peers.py)
+    Idle {
+        /// Seconds to measure
+        #[arg(long, default_value_t = 3.0)]
+        seconds: f64,
     },
     /// Asynchronous compared with synchronous stepping, where some steps take much longer than others
     Asynchronous,
@@ -120,6 +127,12 @@ fn run(cli: Cli) -> Result<(), Box<dyn Error>> {
     match cli.command {
         Measurement::Transport => transport::measure(rounds),
         Measurement::Efficiency { scenarios } => pools::efficiency(rounds, &scenarios),
+        Measurement::Idle { seconds } => {
+            let time = Duration::try_from_secs_f64(seconds)?;
+            let steps_per_s = null::steps_per_s(64, PoolOptions::default(), time)?;
+            println!("{{\"steps_per_s\": {steps_per_s}}}");
+            Ok(())
+        }
         Measurement::Asynchronous => pools::asynchronous(rounds),
         Measurement::Many => pools::many(rounds),
         Measurement::Branching => branching::measure(rounds),

@@ -177,7 +177,7 @@ fn shared_memory() -> String {
     let Ok(stat) = rustix::fs::statvfs(SHM) else { return "not found".to_owned() };
     let mounts = read("/proc/mounts").unwrap_or_default();
     let of_shm = |line: &&str| line.split(' ').nth(1) == Some(SHM);
-    let mount = mounts.lines().filter(of_shm).next_back().unwrap_or("no mount of its own");
+    let mount = mounts.lines().rfind(of_shm).unwrap_or("no mount of its own");
     let [size, free] =
         [stat.f_blocks, stat.f_bavail].map(|blocks| megabytes((blocks * stat.f_frsize) as usize));
     format!("{size}, {free} free, {mount}")

@@ -1,10 +1,7 @@
 //! `smaclite-pool bench`: steps per second of the engine or of a pool. Here are the options and the tables;
 //! the modules measure. The program `smaclite-benches` uses those that are public.
 
-mod against;
-pub mod null;
 pub mod paper;
-mod peers;
 pub mod play;
 pub(crate) mod this_program;
 pub mod throughput;
@@ -13,7 +10,6 @@ use crate::number::count;
 use crate::process::{interrupt_flag, resident_bytes};
 use crate::table::Table;
 use crate::{CommandResult, THREADS, check_range, completions, megabytes};
-use against::Against;
 use clap::Args;
 use play::Policy;
 use smaclite_ipc::WaitStrategy;
@@ -55,13 +51,11 @@ pub(super) struct Bench {
     /// Print one JSON object per scenario
     #[arg(long)]
     json: bool,
-    #[command(flatten)]
-    against: Against,
     /// Print the speed table of the SMAClite paper instead, with a column for this machine
     #[arg(
         long,
         conflicts_with_all = [
-            "scenarios", "mode", "policy", "num_envs", "batch_size", "threads", "seconds", "wait", "against"
+            "scenarios", "mode", "policy", "num_envs", "batch_size", "threads", "seconds", "wait"
         ]
     )]
     paper_table: bool,
@@ -74,9 +68,6 @@ impl Bench {
         }
         let workloads = self.workloads()?;
         let interrupted = interrupt_flag()?;
-        if self.against.is_given() {
-            return self.against.run(&workloads, self.json, &interrupted);
-        }
         let mut table = Table::new(&[
             "scenario",
             "policy",

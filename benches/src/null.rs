@@ -1,8 +1,8 @@
 //! A pool whose battles are never stepped, and not observed but for the available actions: what remains is
 //! the cost of the pool and of the transport.
 
-use super::throughput::MeasureError;
-use crate::process::wait_for_termination;
+use smaclite_cli::bench::throughput::MeasureError;
+use smaclite_cli::process::wait_for_termination;
 use smaclite_engine::{BattleSetup, Step};
 use smaclite_ipc::{
     Client, LaneConfig, RuntimeDir, StartError, Supervisor, SupervisorConfig, WaitOptions, WaitStrategy,
@@ -14,19 +14,22 @@ use std::error::Error;
 use std::time::{Duration, Instant};
 
 /// Serves them until the process is terminated.
-///
-/// # Errors
-/// If the pool cannot start.
-pub fn serve(name: &str, num_envs: usize, threads: usize, wait: WaitStrategy) -> Result<(), Box<dyn Error>> {
+pub(crate) fn serve(
+    name: &str,
+    num_envs: usize,
+    threads: usize,
+    wait: WaitStrategy,
+) -> Result<(), Box<dyn Error>> {
     let _supervisor = start(name, &RuntimeDir::for_current_user()?, num_envs, PoolOptions { threads, wait })?;
     Ok(wait_for_termination()?)
 }
 
 /// Steps of single environments per second of an embedded, synchronous pool of them.
-///
-/// # Errors
-/// If the pool cannot start or fails.
-pub fn steps_per_s(num_envs: usize, options: PoolOptions, time: Duration) -> Result<f64, MeasureError> {
+pub(crate) fn steps_per_s(
+    num_envs: usize,
+    options: PoolOptions,
+    time: Duration,
+) -> Result<f64, MeasureError> {
     let runtime_dir = RuntimeDir::for_current_user()?;
     let name = format!("null-{}", std::process::id());
     let _supervisor = start(&name, &runtime_dir, num_envs, options)?;

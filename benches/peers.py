@@ -1,26 +1,34 @@
-"""Other programs that step environments, for `smaclite-pool bench --against`; peers.rs runs this.
+"""Measures another program that steps environments in turn with this one.
 
-    python -c PEERS describe PEER                     one line: what the peer is, or why it cannot be imported
-    python -c PEERS measure PEER SCENARIO INDEX       one line per line of input, until the input ends
+    cargo build --release
+    PYTHON benches/peers.py published 2s3z 27m_vs_30m      # PYTHON: an interpreter that can import the peer
+    PYTHON benches/peers.py smax 3m --rounds 5 --seconds 3
+    PYTHON benches/peers.py envpool
 
-`measure` answers `{"ready": true}` when everything is compiled, and then to `CONFIGURATION SECONDS` with
-`{"steps_per_s": ...}`. INDEX is the index of this process among those of the peer. Every answer is a line of
-JSON; what a peer prints goes to the standard error output. The configurations of a peer are those that were
-its best; a step includes the choice of random available actions and all that the peer gives to a learner.
+Each round measures the peer, in every configuration of it that was its best somewhere, and then this program
+on the same cores; the result is the median over the rounds of the best configuration. A step includes the
+choice of random available actions and all that the peer gives to a learner. EnvPool and PufferLib have none
+of the battles: they are compared with environments that do nothing.
 """
 
 from __future__ import annotations
 
+import argparse
 import json
 import multiprocessing
 import os
+import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
+from pathlib import Path
+from statistics import median
 from typing import Any, NamedTuple
+
+RELEASE = Path(__file__).parents[1] / "target" / "release"
 
 Step = Callable[[], int]
 """Steps a number of environments and returns this number."""
@@ -251,19 +259,6 @@ PEERS = {
 }
 
 
-def describe(peer: Peer) -> dict[str, Any]:
-    try:
-        packages = peer.packages()
-    except ImportError as error:
-        return {"missing": str(error)}
-    return {
-        "versions": ", ".join(f"{package} {version_of(package)}" for package in packages),
-        "scenarios": peer.scenarios() if peer.scenarios else None,
-        "configurations": peer.configurations,
-        "processes": len(CORES) if peer.one_process_per_core else 1,
-    }
-
-
 def version_of(package: str) -> str:
     """The version of a package; of one that was built in place, without metadata, it is not known."""
     try:
@@ -282,36 +277,117 @@ def rate(step: Step, seconds: float) -> float:
     return steps / elapsed
 
 
-def measure(peer: Peer, scenario: str, index: int, reply: Callable[[dict[str, Any]], None]) -> None:
-    if peer.one_process_per_core:
-        os.sched_setaffinity(0, {CORES[index % len(CORES)]})
-    peer.packages()
-    configurations = peer.make(scenario)
-    reply({"ready": True})
-    for line in sys.stdin:
-        configuration, seconds = line.split()
-        with configurations[int(configuration)]() as step:
-            steps_per_s = rate(step, float(seconds))
-        reply({"steps_per_s": steps_per_s})
-
-
-def main() -> None:
-    replies = os.fdopen(os.dup(1), "w")
-    os.dup2(2, 1)
-
-    def reply(answer: dict[str, Any]) -> None:
-        print(json.dumps(answer), file=replies, flush=True)
-
-    command, name, *rest = sys.argv[1:]
+def work(name: str, scenario: str, index: int, pipe: Any) -> None:
+    """One process of a peer: answers numbers of configurations and seconds with steps per second."""
+    peer = PEERS[name]
     try:
-        if command == "describe":
-            reply(describe(PEERS[name]))
-        else:
-            measure(PEERS[name], rest[0], int(rest[1]), reply)
-    except Exception as error:  # becomes the message of the program that reads the replies
-        reply({"error": f"{type(error).__name__}: {error}"})
-        sys.exit(1)
+        if peer.one_process_per_core:
+            os.sched_setaffinity(0, {CORES[index]})
+        peer.packages()  # what it imports registers its environments
+        configurations = peer.make(scenario)
+        pipe.send("ready")
+        while (asked := pipe.recv()) is not None:
+            configuration, seconds = asked
+            with configurations[configuration]() as step:
+                pipe.send(rate(step, seconds))
+    except Exception as error:  # becomes the message of the program
+        pipe.send(f"{type(error).__name__}: {error}")
+
+
+def answers(pipes: list[Any]) -> list[Any]:
+    """An answer of each process."""
+    try:
+        found = [pipe.recv() for pipe in pipes]
+    except EOFError:
+        raise SystemExit("peers.py: a process of the peer ended without an answer") from None
+    if errors := {answer for answer in found if isinstance(answer, str) and answer != "ready"}:
+        raise SystemExit(f"peers.py: {'; '.join(sorted(errors))}")
+    return found
+
+
+@contextmanager
+def running(name: str, scenario: str) -> Iterator[Callable[[int, float], float]]:
+    """Starts the processes of a peer. What is inside measures a configuration: steps/s of all of them."""
+    context = multiprocessing.get_context("spawn")
+    pipes, processes = [], []
+    for index in range(len(CORES) if PEERS[name].one_process_per_core else 1):
+        ours, theirs = context.Pipe()
+        # A worker of PufferLib has processes of its own, which daemons may not have.
+        process = context.Process(
+            target=work, args=(name, scenario, index, theirs), daemon=name != "pufferlib"
+        )
+        process.start()
+        theirs.close()
+        pipes.append(ours)
+        processes.append(process)
+
+    def measure(configuration: int, seconds: float) -> float:
+        for pipe in pipes:
+            pipe.send((configuration, seconds))
+        return sum(answers(pipes))
+
+    try:
+        answers(pipes)  # everything is compiled
+        yield measure
+    finally:
+        for pipe in pipes:
+            with suppress(OSError):
+                pipe.send(None)
+        for process in processes:
+            process.join(10)
+            process.kill()
+
+
+def here(scenario: str | None, seconds: float) -> float:
+    """Steps/s of an embedded pool of this program; without a scenario, of environments that do nothing."""
+    command = (
+        ["smaclite-benches", "idle"] if scenario is None else ["smaclite-pool", "bench", scenario, "--json"]
+    )
+    command = [str(RELEASE / command[0]), *command[1:], "--seconds", str(seconds)]
+    done = subprocess.run(command, stdout=subprocess.PIPE, check=True, text=True)
+    return float(json.loads(done.stdout)["steps_per_s"])
+
+
+def compare(name: str, scenario: str | None, rounds: int, seconds: float) -> str:
+    """Medians of measurements in turn, as a line."""
+    peer = PEERS[name]
+    theirs: list[list[float]] = [[] for _ in peer.configurations]
+    ours = []
+    with running(name, scenario or "") as measure:
+        for _ in range(rounds):
+            for index, results in enumerate(theirs):
+                results.append(measure(index, seconds))
+            ours.append(here(scenario, seconds))
+    best, configuration = max(zip(map(median, theirs), peer.configurations, strict=True))
+    processes = f"{len(CORES)} processes on a core each, " if peer.one_process_per_core else ""
+    return (
+        f"{scenario or 'no work'}: {name} {best:.0f} steps/s ({processes}{configuration}), "
+        f"here {median(ours):.0f}, {median(ours) / best:.2f} x"
+    )
+
+
+def main(argv: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(
+        "peers.py", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("peer", choices=PEERS)
+    parser.add_argument("maps", metavar="MAP", nargs="*", help="maps that the peer has (all)")
+    parser.add_argument("--rounds", type=int, default=3, metavar="N", help="rounds of measurements (3)")
+    parser.add_argument("--seconds", type=float, default=3.0, metavar="S", help="of each measurement (3)")
+    options = parser.parse_args(argv)
+    peer = PEERS[options.peer]
+    try:
+        packages = peer.packages()
+    except ImportError as error:
+        raise SystemExit(f"peers.py: {sys.executable} cannot import the peer: {error}") from None
+    print(", ".join(f"{package} {version_of(package)}" for package in packages))
+    known = peer.scenarios() if peer.scenarios else None
+    if absent := [name for name in options.maps if name not in (known or [])]:
+        raise SystemExit(f"peers.py: {options.peer} has no {', '.join(absent)}; its maps are {known}")
+    for scenario in options.maps or known or [None]:
+        print(compare(options.peer, scenario, options.rounds, options.seconds), flush=True)
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())
