@@ -1,5 +1,5 @@
-//! `smaclite-pool doctor`: what a bug report needs, and whether pools work on this machine. What is wrong with
-//! a machine is said by the errors of the pools that it starts.
+//! `smaclite-pool doctor`: what a bug report needs, and whether pools work on this machine. What is wrong
+//! with a machine is said by the errors of the pools that it starts.
 
 use super::{CommandResult, HostVersion, megabytes};
 use crate::bench::this_program::serve_command;
