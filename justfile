@@ -37,10 +37,11 @@ test-rust *args:
 # Tests mostly wait for processes that they start, so the cores have work for as many test processes; more than four
 # would need more memory than laptops have. A file's tests stay together, as they share what takes long to make. (To
 # debug: `just test-python -n 0 --pdb -k NAME`.)
-#
+in_processes := "-n logical --maxprocesses 4 --dist loadfile"
+
 # Run Python tests of the installed package, including the commands and code of the README
 test-python *args: install
-    {{ python }} -m pytest tests/python -n logical --maxprocesses 4 --dist loadfile {{ args }}
+    {{ python }} -m pytest tests/python {{ in_processes }} {{ args }}
 
 # Run Python tests with one framework in a separate virtual environment: torch, jax, ray, rllib, torchrl, vault, minari or report
 test-integration name *args:
@@ -52,13 +53,14 @@ test-integration name *args:
 test-learners *args: install
     {{ python }} -m pip install --quiet torch safetensors
     {{ python }} -m pytest tests/python/test_torch_learners.py tests/python/test_torch.py tests/python/test_epymarl.py \
-        tests/python/test_dataset.py {{ args }}
+        tests/python/test_dataset.py {{ in_processes }} {{ args }}
 
 # Test the pages of replays, running pools, the scenario editor, `play` and the playground in a browser (Debian: chromium)
 test-page *args: install _playground
     {{ python }} -m pip install --quiet playwright
     {{ python }} -m pytest tests/python/test_page.py tests/python/test_watch.py tests/python/test_editor.py \
-        tests/python/test_play.py tests/python/test_playground.py tests/python/test_page_files.py {{ args }}
+        tests/python/test_play.py tests/python/test_playground.py tests/python/test_page_files.py \
+        {{ in_processes }} {{ args }}
 
 notebook := "docs/tutorials/notebook.ipynb"
 
