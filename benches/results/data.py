@@ -37,7 +37,7 @@ def write(path: Path, rows: Iterable[Row]) -> None:
 
 
 def sees_state(scenario: str) -> bool:
-    """Whether the critic of the default configuration does (`STATE_CRITIC_AGENTS` of the learner)."""
+    """Whether the critic of the runs of the page does: of six agents or more, the default of then."""
     import smaclite_pool as sp  # which not all tools need
 
     told = sp.scenario(scenario)

@@ -21,26 +21,35 @@ from . import data, runs
 EVALUATE_EVERY = 100_000
 
 FLAT = ("--network", "flat")
-"""The default when the runs of the page were made."""
 
 
-def drawn_teams(scenario: str) -> list[str]:
-    """The default with teams that are drawn when the runs of the page were made."""
-    return ["--last-actions", "4", "--entropy", str(0.3 / len(sp.scenario(scenario)["allies"]))]
+def former(scenario: str) -> list[str]:
+    """The defaults when the runs of the page were made, but for the networks."""
+    told = sp.scenario(scenario)
+    critic = ["--algorithm", "mappo" if data.sees_state(scenario) else "ippo"]
+    last_actions = ["--last-actions", "4"] if told["teams_are_drawn"] else []
+    return [*critic, *last_actions, "--entropy", str(0.3 / len(told["allies"]))]
+
+
+def other_critic(scenario: str) -> list[str]:
+    """The same with the critic that was not the default."""
+    _, critic, *others = former(scenario)
+    return ["--algorithm", "ippo" if critic == "mappo" else "mappo", *others]
 
 
 GROUPS: dict[str, dict[str, list[str]]] = {
-    "default": {scenario: [*FLAT] for scenario in sp.scenarios(generated=False)},
-    "generated": {scenario: [*FLAT, *drawn_teams(scenario)] for scenario in sp.scenarios(generated=True)},
+    "default": {scenario: [*FLAT, *former(scenario)] for scenario in sp.scenarios(generated=False)},
+    "generated": {scenario: [*FLAT, *former(scenario)] for scenario in sp.scenarios(generated=True)},
     "open-loop": {
-        scenario: drawn_teams(scenario) for scenario in ("protoss_5_vs_5", "terran_5_vs_5", "zerg_5_vs_5")
+        scenario: former(scenario) for scenario in ("protoss_5_vs_5", "terran_5_vs_5", "zerg_5_vs_5")
     },
     "other-critic": {
-        scenario: [*FLAT, "--algorithm", "ippo" if data.sees_state(scenario) else "mappo"]
-        for scenario in sp.scenarios(generated=False)
+        scenario: [*FLAT, *other_critic(scenario)] for scenario in sp.scenarios(generated=False)
     },
-    "paper-rules": {scenario: [*FLAT, "--rules", "paper"] for scenario in ("MMM", "MMM2")},
-    "starcraft": {scenario: ["--rules", "starcraft"] for scenario in sp.scenarios(generated=False)},
+    "paper-rules": {scenario: [*FLAT, *former(scenario), "--rules", "paper"] for scenario in ("MMM", "MMM2")},
+    "starcraft": {
+        scenario: [*former(scenario), "--rules", "starcraft"] for scenario in sp.scenarios(generated=False)
+    },
 }
 """What is trained for each report: scenarios, with options other than the defaults. In the group `open-loop`,
 agents observe the time, their own number and their own last actions alone."""

@@ -91,7 +91,7 @@ def test_agents_of_the_open_loop_observe_the_time_alone(tmp_path: Path) -> None:
 
     for name, others in train.GROUPS["open-loop"].items():
         layout = sp.scenario(train.open_loop(tmp_path, name))["obs_layout"]
-        assert [block["name"] for block in layout] == ["time"] and others == train.drawn_teams(name)
+        assert [block["name"] for block in layout] == ["time"] and others == train.former(name)
 
 
 def test_a_table_is_replaced_and_the_text_around_it_stays() -> None:

@@ -326,7 +326,7 @@ def test_networks_over_units_need_units_and_two_widths() -> None:
             units_network.actor(envs, [8], 1.0, torch.relu)
 
 
-@pytest.mark.parametrize("scenario", ["5m_vs_6m", "8m", "zerg_5_vs_5"])
+@pytest.mark.parametrize("scenario", ["3s_vs_5z", "5m_vs_6m", "zerg_5_vs_5"])
 def test_the_critic_of_small_fixed_teams_sees_an_observation(scenario: str, tmp_path: Path) -> None:
     """By default, as that of the program."""
     ppo.train(ppo.Options(scenario=scenario, steps=1, num_envs=2, horizon=2, out=str(tmp_path)))
@@ -334,7 +334,7 @@ def test_the_critic_of_small_fixed_teams_sees_an_observation(scenario: str, tmp_
     subprocess.run([sys.executable, "-m", "smaclite_pool", *command], check=True, cwd=tmp_path)
     config = json.loads((tmp_path / "program/run.json").read_text())["config"]
     assert (tmp_path / f"{scenario}-{config['algorithm']}-0/options.json").is_file()
-    assert config["algorithm"] == ("ippo" if scenario == "5m_vs_6m" else "mappo")
+    assert config["algorithm"] == ("ippo" if scenario == "3s_vs_5z" else "mappo")
 
 
 @learners

@@ -73,8 +73,8 @@ mod zoo_folders;
 
 pub use adapt::adapt_team;
 pub use config::{
-    Activation, Algorithm, Config, ConfigError, DRAWN_TEAM_ENTROPY, Enemies, NetworkKind,
-    STATE_CRITIC_AGENTS, SelfPlay, TEAM_ENTROPY, UnknownKeyword,
+    Activation, Algorithm, Config, ConfigError, Enemies, NetworkKind, STATE_CRITIC_AGENTS, SelfPlay,
+    TEAM_ENTROPY, UnknownKeyword,
 };
 pub use description::{OtherMap, RunDescription, Weights};
 pub use evaluate::{

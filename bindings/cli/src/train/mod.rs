@@ -130,7 +130,7 @@ macro_rules! hyperparameters {
 hyperparameters! {
     /// Seed of weights, environments, actions and minibatches [default: 0]
     seed: u64 = seed(),
-    /// What the critic sees: the state (mappo) or the agent's observation (ippo) [default: mappo for 6 agents
+    /// What the critic sees: the state (mappo) or the agent's observation (ippo) [default: mappo for 5 agents
     /// or more and for drawn teams, otherwise ippo]
     algorithm: Algorithm,
     /// Number of its own last actions that an agent observes, 0 to 16; as in the pool, if --pool is given
@@ -171,8 +171,8 @@ hyperparameters! {
     value_clip: f64,
     /// Where the Huber loss becomes linear, in standard deviations of the returns [default: 10]
     huber: f64,
-    /// Weight of the entropy of an agent's actions at the beginning [default: 0.3, or 0.15 for drawn
-    /// teams, divided by the number of agents]
+    /// Weight of the entropy of an agent's actions at the beginning [default: 0.15 divided by the number of
+    /// agents]
     entropy: f64,
     /// Weight of the entropy at the end [default: 0]
     entropy_end: f64,

@@ -3,7 +3,7 @@
 use crate::kit::{check_error, output, program};
 use crate::page_kit::{PATIENCE, Place};
 use serde_json::Value;
-use smaclite_learn::{DRAWN_TEAM_ENTROPY, STATE_CRITIC_AGENTS, TEAM_ENTROPY};
+use smaclite_learn::{STATE_CRITIC_AGENTS, TEAM_ENTROPY};
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::process::Stdio;
@@ -395,11 +395,7 @@ fn the_help_states_the_defaults() {
     for (name, value) in drawn.iter().filter(|(name, _)| *name != "steps") {
         let default = match (name.as_str(), value) {
             ("network", _) => "units, or flat where observations have none".to_owned(),
-            ("entropy", _) => {
-                format!(
-                    "{TEAM_ENTROPY}, or {DRAWN_TEAM_ENTROPY} for drawn teams, divided by the number of agents"
-                )
-            }
+            ("entropy", _) => format!("{TEAM_ENTROPY} divided by the number of agents"),
             ("last_actions", drawn) => format!("{}, or {drawn} for drawn teams", fixed["last_actions"]),
             ("algorithm", _) => {
                 format!("mappo for {STATE_CRITIC_AGENTS} agents or more and for drawn teams, otherwise ippo")

@@ -49,16 +49,15 @@ HIDDEN = {"flat": "64,64", "units": "32,64"}
 ACTOR_LR = {"flat": 7e-4, "units": 1.4e-3}
 """The default step sizes of the actor."""
 
-TEAM_ENTROPY, DRAWN_TEAM_ENTROPY = 0.3, 0.15
+TEAM_ENTROPY = 0.15
 """The more agents explore at once, the less can each of them learn from the reward that they share. So the
-default weight of the entropy is divided by their number. Where teams are drawn, every episode is another
-battle, which explores, too."""
+default weight of the entropy is divided by their number."""
 
 LAST_ACTIONS = 4
 """How many of its last actions an agent of a fixed team observes by default. A fixed battle is nearly the
 same every time, so they say where in it it is. In drawn battles agents learn to go on with what they did."""
 
-STATE_CRITIC_AGENTS = 6
+STATE_CRITIC_AGENTS = 5
 """The fewest agents of a fixed team whose critic sees the state by default. An observation says little of a
 battle of many units whose reward the team shares; in a small team, it says what the agent itself is worth to
 it. How strong drawn teams are, the state says, so there the critic always sees it."""
@@ -75,7 +74,7 @@ class Options:
     scenario: str = "2s3z"
     algorithm: str = option(
         "by team",
-        "what the critic sees: state (mappo) or observation (ippo); by team: mappo for 6 agents or more "
+        "what the critic sees: state (mappo) or observation (ippo); by team: mappo for 5 agents or more "
         "and for drawn teams",
         ["mappo", "ippo", "by team"],
     )
@@ -116,9 +115,7 @@ class Options:
     clip: float = option(0.2, "how far the probability ratio may leave 1")
     value_clip: float = option(0.2, "how far a value may leave its old one, in deviations of the returns")
     huber: float = option(10.0, "where the value loss becomes linear, in deviations of the returns")
-    entropy: float = option(
-        -1.0, "weight of the entropy at the beginning; -1: 0.3, or 0.15 for drawn teams, / number of agents"
-    )
+    entropy: float = option(-1.0, "weight of the entropy at the beginning; -1: 0.15 / number of agents")
     entropy_end: float = option(0.0, "weight of the entropy at the end")
     max_grad_norm: float = option(1.0, "longest gradient of each network")
     evaluate_every: int = option(0, "evaluate every so many steps, and keep the best weights; 0: never")
@@ -465,7 +462,7 @@ def with_defaults(options: Options) -> Options:
     if options.last_actions < 0:
         options = replace(options, last_actions=0 if are_drawn else LAST_ACTIONS)
     if options.entropy < 0:
-        options = replace(options, entropy=(DRAWN_TEAM_ENTROPY if are_drawn else TEAM_ENTROPY) / n_agents)
+        options = replace(options, entropy=TEAM_ENTROPY / n_agents)
     if options.actor_lr < 0:
         options = replace(options, actor_lr=ACTOR_LR[options.network])
     return options
