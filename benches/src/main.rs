@@ -3,6 +3,7 @@
 
 #![forbid(unsafe_code)]
 
+mod beside;
 mod branching;
 mod engine;
 mod instructions;
@@ -56,6 +57,8 @@ enum Measurement {
     Asynchronous,
     /// 64 to 10,000 environments in one lane
     Many,
+    /// Latency of a lane with one environment while another lane of its pool steps 1024
+    Beside,
     /// Forks and restores of 64 environments, compared with their steps
     Branching,
     /// Time per living unit and tick in each scenario, of fresh battles and of one that is replayed
@@ -135,6 +138,7 @@ fn run(cli: Cli) -> Result<(), Box<dyn Error>> {
         }
         Measurement::Asynchronous => pools::asynchronous(rounds),
         Measurement::Many => pools::many(rounds),
+        Measurement::Beside => beside::measure(rounds),
         Measurement::Branching => branching::measure(rounds),
         Measurement::Engine { plays, seconds } => step_times::measure(&plays, seconds),
         Measurement::Instructions { record: true, .. } => recorded_instructions::record(),
