@@ -12,6 +12,7 @@ use crate::table::Table;
 use crate::{CommandResult, THREADS, check_range, completions, megabytes};
 use clap::Args;
 use play::Policy;
+use smaclite_engine::Rules;
 use smaclite_ipc::WaitStrategy;
 use smaclite_pool::{MAX_ENVS, PoolOptions};
 use smaclite_scenarios::Scenario;
@@ -25,6 +26,10 @@ pub(super) struct Bench {
     /// Scenarios: standard names or files [default: the standard scenarios]
     #[arg(value_name = "SCENARIO", add = completions::scenario())]
     scenarios: Vec<String>,
+    /// Rules of the battles: smaclite (as the published environment plays), paper (as its paper describes) or
+    /// starcraft (nearer to the real battles)
+    #[arg(long, default_value = "smaclite")]
+    rules: Rules,
     /// How the agents choose their actions
     #[arg(long, value_enum, default_value = "sampled")]
     policy: Policy,
@@ -55,7 +60,7 @@ pub(super) struct Bench {
     #[arg(
         long,
         conflicts_with_all = [
-            "scenarios", "mode", "policy", "num_envs", "batch_size", "threads", "seconds", "wait"
+            "scenarios", "rules", "mode", "policy", "num_envs", "batch_size", "threads", "seconds", "wait"
         ]
     )]
     paper_table: bool,
@@ -111,7 +116,16 @@ impl Bench {
         let options = PoolOptions { threads, wait: self.wait };
         let (policy, mode) = (self.policy, self.mode);
         let workload = |name: &String| -> Result<Workload, Box<dyn Error>> {
-            Ok(Workload { policy, mode, num_envs, batch_size, options, time, ..Workload::new(name)? })
+            Ok(Workload {
+                rules: self.rules,
+                policy,
+                mode,
+                num_envs,
+                batch_size,
+                options,
+                time,
+                ..Workload::new(name)?
+            })
         };
         names.iter().map(workload).collect()
     }

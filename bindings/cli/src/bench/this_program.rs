@@ -7,10 +7,10 @@ use std::process::Command;
 /// `smaclite-pool serve` for a workload.
 pub(crate) fn serve_command(workload: &Workload, name: &str) -> std::io::Result<Command> {
     let mut command = this_program()?;
-    let Workload { options, batch_size, num_envs, scenario_argument, .. } = workload;
+    let Workload { options, batch_size, num_envs, scenario_argument, rules, .. } = workload;
     command.args(["serve", "--name", name, "--threads", &options.threads.to_string()]);
     command.args(["--batch-size", &batch_size.to_string(), "--wait", options.wait.name()]);
-    command.arg(format!("bench={scenario_argument}:{num_envs}"));
+    command.args(["--rules", &rules.to_string()]).arg(format!("bench={scenario_argument}:{num_envs}"));
     Ok(command)
 }
 

@@ -4,12 +4,12 @@
 use super::{Counts, Interrupt, MeasureError, Mode, Workload};
 use crate::bench::play::{AfterEpisode, Player, Recording};
 use crate::process::resident_bytes;
-use smaclite_engine::{Arena, Rules, Scratch};
+use smaclite_engine::{Arena, Scratch};
 use std::sync::Arc;
 use std::time::Instant;
 
 pub(super) fn measure(workload: &Workload, interrupt: Interrupt<'_>) -> Result<Counts, MeasureError> {
-    let arena = Arc::new(Arena::new(&workload.scenario, Rules::default()));
+    let arena = Arc::new(Arena::new(&workload.scenario, workload.rules));
     let recordings = workload.record(&arena);
     let mut scratch = Scratch::new();
     let mut players: Vec<Player> = match workload.mode {

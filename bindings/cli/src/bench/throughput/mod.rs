@@ -9,7 +9,7 @@ mod pool;
 use crate::bench::play::{AfterEpisode, Policy, Recording};
 use clap::ValueEnum;
 use serde::Serialize;
-use smaclite_engine::Arena;
+use smaclite_engine::{Arena, Rules};
 use smaclite_ipc::{ClientError, ConnectError, RuntimeDirError, StartError};
 use smaclite_pool::PoolOptions;
 use smaclite_scenarios::{Scenario, ScenarioError, ScenarioFiles};
@@ -54,6 +54,8 @@ pub struct Workload {
     pub files: ScenarioFiles,
     /// The scenario as the user named it: a standard name or a file. A second process gets it.
     pub scenario_argument: String,
+    /// The rules of the battles.
+    pub rules: Rules,
     /// How actions are chosen.
     pub policy: Policy,
     /// What steps the battles.
@@ -79,6 +81,7 @@ impl Workload {
             scenario: resolved,
             files,
             scenario_argument: scenario.to_owned(),
+            rules: Rules::default(),
             policy: Policy::Sampled,
             mode: Mode::Embedded,
             num_envs: 64,

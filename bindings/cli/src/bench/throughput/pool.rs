@@ -3,7 +3,7 @@
 use super::{Counts, Interrupt, MeasureError, Mode, SEED, Workload};
 use crate::bench::play::Policy;
 use crate::process::{SecondProcess, resident_bytes};
-use smaclite_engine::{Arena, BattleSetup, Rules, TICKS_PER_STEP};
+use smaclite_engine::{Arena, BattleSetup, TICKS_PER_STEP};
 use smaclite_ipc::{
     Batch, Client, ConnectError, ControlSocketError, LaneConfig, RuntimeDir, StartError, Supervisor,
     SupervisorConfig, WaitOptions,
@@ -76,7 +76,8 @@ impl Workload {
     /// # Errors
     /// As [`Supervisor::start`].
     pub fn serve(&self, runtime_dir: &RuntimeDir, name: &str) -> Result<Supervisor, StartError> {
-        let mut lane = LaneConfig::new("bench", BattleSetup::new(self.files.clone()), self.num_envs);
+        let setup = BattleSetup { rules: self.rules, ..BattleSetup::new(self.files.clone()) };
+        let mut lane = LaneConfig::new("bench", setup, self.num_envs);
         lane.settings.batch_size = self.batch_size;
         Supervisor::start(SupervisorConfig {
             name: name.to_owned(),
@@ -114,7 +115,7 @@ fn replay(
     client: &mut Client,
     interrupt: Interrupt<'_>,
 ) -> Result<Counts, MeasureError> {
-    let recordings = workload.record(&Arc::new(Arena::new(&workload.scenario, Rules::default())));
+    let recordings = workload.record(&Arc::new(Arena::new(&workload.scenario, workload.rules)));
     let actions_of = |step| recordings.iter().flat_map(|recording| recording.step(step)).copied().collect();
     let batches: Vec<Vec<i32>> = (0..super::RECORDED_STEPS).map(actions_of).collect();
     let mut play_all = || -> Result<(), MeasureError> {
