@@ -164,6 +164,10 @@ chaos minutes seed:
 # Run the chaos test for 15 minutes, long enough to detect slow growth
 soak seed="1": (chaos "15" seed)
 
+# Let every system call of commands fail once, and kill them there ([SCENARIO...], --sample N, --help; Debian: strace)
+faults *args: build
+    python3 tests/faults.py {{ args }}
+
 # Check every interleaving of the hand-off between threads with loom
 loom $RUSTFLAGS="--cfg loom":
     cargo test --profile loom -p smaclite-pool --target-dir target/loom loom_tests

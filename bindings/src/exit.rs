@@ -8,6 +8,7 @@ use crate::errors::class;
 use pyo3::prelude::*;
 use pyo3::types::IntoPyDict;
 use smaclite_ipc::FolderUse;
+use std::io::{self, Write as _};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError, Weak};
 use std::thread::JoinHandle;
@@ -125,7 +126,7 @@ fn close_all(py: Python<'_>) {
         for client in clients.iter().filter_map(Weak::upgrade) {
             wait_until(&|| match client.close_if_idle(&mut || Instant::now() >= deadline) {
                 Some(Err(error)) => {
-                    eprintln!("smaclite_pool: {error}"); // nothing can be raised at exit
+                    let _ = writeln!(io::stderr(), "smaclite_pool: {error}"); // nothing can be raised at exit
                     true
                 }
                 closed => closed.is_some(),

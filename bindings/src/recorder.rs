@@ -11,6 +11,7 @@ use smaclite_ipc::{ClientError, ConnectError, ProcessOwned, RuntimeDir, WaitOpti
 use smaclite_recorder::PoolRecorder;
 use smaclite_view::SUFFIX;
 use std::ffi::CString;
+use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
@@ -74,7 +75,7 @@ impl Drop for RecordingToFile {
     /// For environments that are not closed. Nothing can be raised here.
     fn drop(&mut self) {
         if let Err(error) = self.finish(&mut || false) {
-            eprintln!("smaclite_pool: {error}");
+            let _ = writeln!(io::stderr(), "smaclite_pool: {error}");
         }
     }
 }

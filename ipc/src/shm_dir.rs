@@ -120,7 +120,8 @@ impl RuntimeDir {
     fn make_folder(&self, lock: &File) -> Result<()> {
         lock.set_len(0)?;
         lock.write_all_at(&new_suffix()?, 0)?;
-        let folder = self.folder_of(lock).expect("the suffix was just written");
+        let unread = || Error::other(format!("{} cannot be read", self.shm_dir_lock().display()));
+        let folder = self.folder_of(lock).ok_or_else(unread)?;
         let made = DirBuilder::new().mode(0o700).create(&folder);
         made.map_err(|error| Error::new(error.kind(), format!("{}: {error}", folder.display())))
     }

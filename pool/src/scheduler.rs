@@ -71,10 +71,11 @@ impl<T: Transport> Pool<T> {
         let lanes = lanes.into_iter().map(|(spec, inlet, outlet)| Lane::new(&spec, inlet, outlet, threads));
         let lanes = lanes.collect::<Result<Vec<_>, _>>()?;
         let (parking, polling) = (Parking::new(threads), options.wait.polling(threads));
-        let shared = Arc::new(Shared { lanes, parking, doorbell, polling });
-        let mut pool = Pool { shared: Some(Arc::clone(&shared)), threads: Vec::new() };
+        // Nothing else keeps it: where a thread is refused, the pool is dropped, which waits for all others.
+        let shared = Some(Arc::new(Shared { lanes, parking, doorbell, polling }));
+        let mut pool = Pool { shared, threads: Vec::new() };
         for worker in 0..threads {
-            let shared = Arc::clone(&shared);
+            let shared = Arc::clone(pool.shared());
             let thread = std::thread::Builder::new().name(format!("smaclite-{worker}"));
             pool.threads.push(thread.spawn(move || shared.work(worker)).map_err(PoolStartError::Thread)?);
         }

@@ -37,7 +37,7 @@ impl Check {
                     out!("{}: valid {content}", shown_path(file))?;
                     print_warnings(content.warnings());
                 }
-                Err(problems) => eprintln!("{problems}"),
+                Err(problems) => err!("{problems}"),
             }
         }
         let total = self.files.len();
@@ -62,7 +62,7 @@ impl Content {
 pub(super) fn print_warnings(warnings: &[Problem]) {
     for warning in warnings {
         let warning = Problem { message: format!("warning: {}", warning.message), ..warning.clone() };
-        eprintln!("{}", printable_text(&warning.to_string()));
+        err!("{}", printable_text(&warning.to_string()));
     }
 }
 

@@ -10,6 +10,14 @@ macro_rules! out {
     }};
 }
 
+/// Prints a line to standard error. One that is closed or full is no reason to end, as in `eprintln!`.
+macro_rules! err {
+    ($($part:tt)*) => {{
+        use std::io::Write as _;
+        let _ = writeln!(std::io::stderr(), $($part)*);
+    }};
+}
+
 mod adapt;
 pub mod bench;
 mod check;
@@ -174,7 +182,7 @@ fn run_args(args: &[OsString], host: &[HostVersion]) -> i32 {
     let Err(error) = cli.command.run(&args[0], host) else { return 0 };
     let is_closed = is_broken_pipe(error.as_ref()); // `smaclite-pool scenarios | head`
     if !is_closed && !error.is::<process::Interrupted>() {
-        eprintln!("smaclite-pool: {}", without_os_errors(&printable_text(&error.to_string())));
+        err!("smaclite-pool: {}", without_os_errors(&printable_text(&error.to_string())));
     }
     let otherwise = if is_closed { 0 } else { 1 };
     process::received_signal().map_or(otherwise, |signal| 128 + signal)

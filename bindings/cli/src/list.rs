@@ -8,6 +8,7 @@ use smaclite_ipc::{
     status_within,
 };
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::ScopedJoinHandle;
 
 #[derive(Args)]
 pub(super) struct List {
@@ -38,7 +39,7 @@ impl List {
         } else if errors.is_empty() {
             out!("no pool is running")?;
         }
-        errors.iter().for_each(|error| eprintln!("smaclite-pool: {error}"));
+        errors.iter().for_each(|error| err!("smaclite-pool: {error}"));
         match errors.len() {
             0 => Ok(()),
             silent => Err(format!("{silent} of {} pools did not answer", pools.len() + silent).into()),
@@ -183,12 +184,20 @@ pub(super) fn request_all(
 ) -> (Vec<PoolStatus>, Vec<ConnectError>) {
     let names = running_pools(runtime_dir);
     let results: Vec<_> = std::thread::scope(|scope| {
-        let request = |name| {
+        let request = |name: &str| {
             let mut is_interrupted = || interrupted.load(Ordering::Relaxed);
             status_within(runtime_dir, name, WaitOptions::interrupted_by(&mut is_interrupted))
         };
-        let threads: Vec<_> = names.iter().map(|name: &String| scope.spawn(move || request(name))).collect();
-        threads.into_iter().map(|thread| thread.join().expect("a request does not panic")).collect()
+        let begin = |name: &String| {
+            let name = name.clone();
+            std::thread::Builder::new().spawn_scoped(scope, move || request(&name))
+        };
+        let threads: Vec<_> = names.iter().map(|name| (name, begin(name))).collect();
+        let answer = |(name, thread): (&String, std::io::Result<ScopedJoinHandle<_>>)| match thread {
+            Ok(thread) => thread.join().expect("a request does not panic"),
+            Err(_) => request(name), // one after the other where threads are refused
+        };
+        threads.into_iter().map(answer).collect()
     });
     let (mut pools, mut errors) = (Vec::new(), Vec::new());
     for result in results {

@@ -158,13 +158,13 @@ impl Record {
             match recorder.read(WaitOptions::interrupted_by(&mut is_interrupted)) {
                 Ok(()) | Err(ClientError::Control(ControlSocketError::Interrupted { .. })) => {}
                 Err(error) => {
-                    eprintln!("smaclite-pool: {error}");
+                    err!("smaclite-pool: {error}");
                     break;
                 }
             }
         }
         if recorder.n_missing() > 0 {
-            eprintln!(
+            err!(
                 "smaclite-pool: {} episodes were lost: they ended faster than they could be read",
                 recorder.n_missing()
             );

@@ -67,7 +67,7 @@ pub(super) fn print_error(error: &clap::Error, args: &[OsString]) {
     if args.iter().all(is_printable) {
         let _ = error.print();
     } else {
-        eprint!("{}", printable_text(&error.to_string()));
+        err!("{}", printable_text(&error.to_string()).trim_end());
     }
 }
 

@@ -30,7 +30,10 @@ pub fn run<J: Send, W: Send>(
     let Some((own, others)) = workspaces.split_first_mut() else { return Ok(()) };
     std::thread::scope(|scope| {
         for workspace in others {
-            scope.spawn(|| drain(workspace));
+            // Without another thread, those that are there run all jobs.
+            if std::thread::Builder::new().spawn_scoped(scope, || drain(workspace)).is_err() {
+                break;
+            }
         }
         while let Some(job) = next() {
             if interrupted() {

@@ -162,20 +162,25 @@ impl Seeds {
         let queue = Mutex::new(self.runs.iter().enumerate());
         let next = || queue.lock().unwrap_or_else(std::sync::PoisonError::into_inner).next();
         let results = Mutex::new(Vec::new());
-        std::thread::scope(|scope| {
-            for _ in 0..parallel {
-                scope.spawn(|| {
-                    while let Some((i, (seed, path))) = next() {
-                        let share = self.threads_of(i, parallel, threads);
-                        let one = OneRun { path, steps, threads: share, runtime_dir };
-                        let result = one.train(&mut || interrupted(), &|event| on_event(*seed, event));
-                        let is_complete = matches!(result, Ok(true));
-                        on_event(*seed, SeedEvent::Ended { is_complete });
-                        let result = (*seed, result.map(|_| ()));
-                        results.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push(result);
-                    }
-                });
+        let train = || {
+            while let Some((i, (seed, path))) = next() {
+                let share = self.threads_of(i, parallel, threads);
+                let one = OneRun { path, steps, threads: share, runtime_dir };
+                let result = one.train(&mut || interrupted(), &|event| on_event(*seed, event));
+                let is_complete = matches!(result, Ok(true));
+                on_event(*seed, SeedEvent::Ended { is_complete });
+                let result = (*seed, result.map(|_| ()));
+                results.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push(result);
             }
+        };
+        std::thread::scope(|scope| {
+            // This thread trains too; where others are refused, fewer runs are trained at a time.
+            for _ in 1..parallel {
+                if std::thread::Builder::new().spawn_scoped(scope, train).is_err() {
+                    break;
+                }
+            }
+            train();
         });
         let mut results = results.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
         results.sort_by_key(|(seed, _)| *seed);

@@ -89,7 +89,7 @@ impl Bench {
             if self.json {
                 out!("{}", serde_json::to_string(&result)?)?;
             } else {
-                eprintln!("{}: {:.0} steps/s", result.scenario, result.steps_per_s); // progress
+                err!("{}: {:.0} steps/s", result.scenario, result.steps_per_s); // progress
                 table.push(cells(&result));
             }
         }

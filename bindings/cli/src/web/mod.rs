@@ -118,7 +118,7 @@ async fn serve_until_signal(
     let listener = Connections::new(tokio::net::TcpListener::from_std(listener)?);
     out!("{url}")?;
     if !options.host.is_loopback() {
-        eprintln!("smaclite-pool: warning: other machines can connect, over HTTP, which is not encrypted");
+        err!("smaclite-pool: warning: other machines can connect, over HTTP, which is not encrypted");
     }
     let service = routes.into_make_service_with_connect_info::<Visitor>();
     let _opened = options.open.then(|| open_in_browser(url));
@@ -207,7 +207,7 @@ fn open_in_browser(url: &str) -> Option<Redirect> {
         std::thread::spawn(move || browser.wait()); // so that it does not stay as a zombie
         Ok(redirect)
     });
-    opened.inspect_err(|error| eprintln!("smaclite-pool: --open: xdg-open: {error}; open the URL")).ok()
+    opened.inspect_err(|error| err!("smaclite-pool: --open: xdg-open: {error}; open the URL")).ok()
 }
 
 fn write_redirect(url: &str) -> std::io::Result<Redirect> {
