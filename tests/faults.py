@@ -61,13 +61,13 @@ FAULTS: dict[str, list[str]] = {
     "read": ["EIO", "EINTR"],
     "recvfrom": ["ECONNRESET"],
     "rename": ["ENOSPC", KILL],
-    "sendto": ["ECONNRESET"],
     "socket": ["EMFILE"],
     "statx": ["EACCES"],
     "unlink": [KILL],  # in folders that nobody else can change
     "write": ["ENOSPC", "EINTR", KILL],
 }
-"""What is injected into each system call, if the command makes it."""
+"""What is injected into each system call, if the command makes it. Not into `sendto`, by which a process tells
+itself of signals: one that is lost cannot be answered."""
 
 EXCUSED = {
     "failed to allocate an alternative stack": "the standard library ends a thread without memory",
