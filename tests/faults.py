@@ -66,8 +66,8 @@ FAULTS: dict[str, list[str]] = {
     "unlink": [KILL],  # in folders that nobody else can change
     "write": ["ENOSPC", "EINTR", KILL],
 }
-"""What is injected into each system call, if the command makes it. Not into `sendto`, by which a process tells
-itself of signals: one that is lost cannot be answered."""
+"""What is injected into each system call, if the command makes it. Not into `sendto`, by which a process
+tells itself of signals: one that is lost cannot be answered."""
 
 EXCUSED = {
     "failed to allocate an alternative stack": "the standard library ends a thread without memory",
