@@ -101,7 +101,7 @@ fn threads_change_no_result() {
 #[test]
 fn players_are_as_strong_with_the_enemies_as_with_the_agents() {
     let folder = tempfile::tempdir().unwrap();
-    let trained = Config { steps: 150_000, hidden: vec![32], ..small(1, 0) };
+    let trained = Config { steps: 150_000, hidden: vec![32], entropy: 0.1, ..small(1, 0) };
     let trained = train(folder.path(), "trained", "3m", &trained);
     let fresh = train(folder.path(), "fresh", "3m", &Config { steps: 256, ..small(2, 0) });
     let order = ["focus_fire", &trained, "attack_move", &fresh];
