@@ -1,8 +1,8 @@
 """Lets every system call of a command fail once, and kills the command there, one after the other.
 
-    just faults                 # all scenarios, every call: an hour
-    just faults record bench    # two of them, every call
-    just faults --sample 50     # 50 faults of each scenario, the same in every run
+    just faults                 # all commands, every call: minutes
+    just faults record bench    # two of them
+    just faults --sample 50     # 50 faults of each, the same in every run
 
 After each fault the command must have ended: with success, or with exit status 1 and a message; it must not
 have panicked; and after `smaclite-pool clean` nothing of it may be left in shared memory or in the folder of

@@ -4,10 +4,8 @@ use super::table::Table;
 use super::{CommandResult, completions, megabytes, runtime_dir};
 use clap::Args;
 use smaclite_ipc::{
-    ConnectError, ControlSocketError, LaneStatus, PoolStatus, RuntimeDir, WaitOptions, running_pools, status,
-    status_within,
+    ConnectError, ControlSocketError, LaneStatus, PoolStatus, RuntimeDir, running_pools, status,
 };
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::ScopedJoinHandle;
 
 #[derive(Args)]
@@ -29,7 +27,7 @@ pub(super) struct Status {
 
 impl List {
     pub(super) fn run(self) -> CommandResult {
-        let (pools, errors) = request_all(&runtime_dir()?, &AtomicBool::new(false));
+        let (pools, errors) = request_all(&runtime_dir()?);
         if self.json {
             for pool in &pools {
                 out!("{}", serde_json::to_string(pool)?)?;
@@ -47,7 +45,7 @@ impl List {
     }
 }
 
-pub(super) fn print_pools(pools: &[PoolStatus]) -> std::io::Result<()> {
+fn print_pools(pools: &[PoolStatus]) -> std::io::Result<()> {
     let mut table = Table::new(&["pool", "process", "lane", "environments", "learner", "steps/s"]);
     for pool in pools {
         for lane in &pool.lanes {
@@ -177,21 +175,12 @@ fn mean_return(lane: &LaneStatus) -> String {
 }
 
 /// Requests the status of all running pools: those that answer, and the errors of the others. All are
-/// requested at the same time, so that suspended pools cost one timeout together, which the flag ends.
-pub(super) fn request_all(
-    runtime_dir: &RuntimeDir,
-    interrupted: &AtomicBool,
-) -> (Vec<PoolStatus>, Vec<ConnectError>) {
+/// requested at the same time, so that suspended pools cost one timeout together.
+fn request_all(runtime_dir: &RuntimeDir) -> (Vec<PoolStatus>, Vec<ConnectError>) {
     let names = running_pools(runtime_dir);
     let results: Vec<_> = std::thread::scope(|scope| {
-        let request = |name: &str| {
-            let mut is_interrupted = || interrupted.load(Ordering::Relaxed);
-            status_within(runtime_dir, name, WaitOptions::interrupted_by(&mut is_interrupted))
-        };
-        let begin = |name: &String| {
-            let name = name.clone();
-            std::thread::Builder::new().spawn_scoped(scope, move || request(&name))
-        };
+        let request = |name: &String| status(runtime_dir, name);
+        let begin = |name| std::thread::Builder::new().spawn_scoped(scope, move || request(name));
         let threads: Vec<_> = names.iter().map(|name| (name, begin(name))).collect();
         let answer = |(name, thread): (&String, std::io::Result<ScopedJoinHandle<_>>)| match thread {
             Ok(thread) => thread.join().expect("a request does not panic"),
