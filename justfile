@@ -39,6 +39,10 @@ test-rust *args:
 # debug: `just test-python -n 0 --pdb -k NAME`.)
 in_processes := "-n logical --maxprocesses 4 --dist loadfile"
 
+# Run the tests of embedded pools and of training with what pools use where the system is not Linux
+test-portable:
+    RUSTFLAGS="--cfg smaclite_portable" cargo test --release --target-dir target/portable -p smaclite-ipc -p smaclite-learn
+
 # Run Python tests of the installed package, including the commands and code of the README
 test-python *args: install
     {{ python }} -m pytest tests/python {{ in_processes }} {{ args }}
@@ -226,6 +230,19 @@ wheels *processors="x86_64 aarch64": _venv
         PATH={{ venv }}/bin:"$PATH" {{ venv }}/bin/maturin build --release --out dist \
             --target $target --zig --compatibility manylinux2014 --target-dir target || exit; \
     done
+
+# Compare the Windows program under Wine with that of this system, to the bit (Debian: apt install wine gcc-mingw-w64-x86-64-posix)
+windows: build
+    @# The standard library of rustup, or the sources of Debian's and the compiler that belongs to them.
+    target=x86_64-pc-windows-gnu; export CARGO_TARGET_X86_64_PC_WINDOWS_GNU_LINKER=x86_64-w64-mingw32-gcc-posix; \
+    if test -d "$("${RUSTC:-rustc}" --print target-libdir --target $target)"; then \
+        cargo build --release --quiet --bin smaclite-pool --target $target; \
+    else \
+        RUSTC_BOOTSTRAP=1 RUSTC=/usr/bin/rustc /usr/bin/cargo build --release --quiet --bin smaclite-pool --target $target \
+            -Zbuild-std=std,panic_unwind --target-dir target/windows; \
+    fi
+    {{ python }} tests/windows.py {{ program }} \
+        $(ls target/windows/x86_64-pc-windows-gnu/release/smaclite-pool.exe target/x86_64-pc-windows-gnu/release/smaclite-pool.exe 2>/dev/null | head -n 1)
 
 # Print what CHANGELOG.md says of a version, which must be Cargo.toml's: the notes of a release
 release-notes version:

@@ -1,9 +1,9 @@
 //! The files that killed pools and learners left behind: counting and removing them.
 
 use crate::control::client::running_pools;
+use crate::os::NameLock;
 use crate::runtime_dir::RuntimeDir;
 use crate::services::{IpcError, open_node};
-use crate::supervisor::NameLock;
 use std::fs::DirEntry;
 use std::path::Path;
 

@@ -43,16 +43,14 @@ pub mod control;
 mod error;
 mod follower;
 mod lane_scenario;
-mod memory;
 mod name;
+mod os;
 mod process_owned;
 mod runtime_dir;
 mod services;
-mod shm_dir;
 mod spectator;
 mod supervisor;
 mod transport;
-mod variant;
 mod wait_options;
 pub mod wire;
 
@@ -64,19 +62,20 @@ pub use control::client::ControlSocketError;
 pub use control::protocol::{ControlError, LaneDescription, LaneStatus, PoolStatus};
 pub use follower::{FollowedPart, Follower, Piece};
 pub use lane_scenario::lane_scenario;
-pub use memory::TooLittleMemory;
 pub use name::{NameError, check_name};
+pub use os::SERVES_OTHER_PROCESSES;
+pub use os::memory::TooLittleMemory;
+pub use os::shm_dir::FolderUse;
+#[doc(hidden)] // for tests that speak iceoryx2 themselves
+pub use os::shm_dir::iceoryx;
+#[doc(hidden)] // for the same tests
+pub use os::variant::PoolService;
 pub use process_owned::{NotOwner, ProcessOwned};
 pub use runtime_dir::{ROOT_VARIABLE, RuntimeDir, RuntimeDirError};
 pub use services::IpcError;
-pub use shm_dir::FolderUse;
-#[doc(hidden)] // for tests that speak iceoryx2 themselves
-pub use shm_dir::iceoryx;
 pub use smaclite_pool::{EpisodePart, MAX_LOG_BYTES, WaitStrategy};
 pub use spectator::Spectator;
 pub use supervisor::{LaneConfig, LaneConfigError, PreparedPool, StartError, Supervisor, SupervisorConfig};
-#[doc(hidden)] // for the same tests
-pub use variant::PoolService;
 pub use wait_options::WaitOptions;
 
 use control::client::ControlClient;

@@ -3,12 +3,11 @@
 //! A forked child has a copy of all its parent's memory, and of its open files. If it dropped a port, a
 //! sample or a lock of its parent, the parent would lose them.
 
-#![allow(unsafe_code)] // the drop that a forked child must leave out, and how it learns that it is one
+#![allow(unsafe_code)] // the drop that a forked child must leave out
 
+use crate::os::process_id;
 use std::mem::ManuallyDrop;
 use std::ops::Deref;
-use std::sync::Once;
-use std::sync::atomic::{AtomicU32, Ordering};
 
 /// A value of the process that made it. A forked child can read its copy, and never drops it.
 pub struct ProcessOwned<T> {
@@ -59,30 +58,4 @@ impl<T> Drop for ProcessOwned<T> {
             unsafe { ManuallyDrop::drop(&mut self.value) }
         }
     }
-}
-
-/// The id of this process. To ask the kernel each time would take a tenth of a lane's round trip. A child is
-/// noticed if it was made by libc's `fork`, as Python's are.
-fn process_id() -> u32 {
-    /// 0 until the handler is registered.
-    static ID: AtomicU32 = AtomicU32::new(0);
-    static REGISTRATION: Once = Once::new();
-
-    extern "C" fn in_forked_child() {
-        ID.store(std::process::id(), Ordering::Relaxed);
-    }
-
-    let id = ID.load(Ordering::Relaxed);
-    if id != 0 {
-        return id;
-    }
-    REGISTRATION.call_once(|| {
-        // SAFETY: the handler only asks for the process's id and stores it in an atomic, both of which are
-        // allowed between a fork and the child's return from it.
-        let error = unsafe { nix::libc::pthread_atfork(None, None, Some(in_forked_child)) };
-        if error == 0 {
-            ID.store(std::process::id(), Ordering::Relaxed);
-        }
-    });
-    std::process::id()
 }

@@ -1,12 +1,8 @@
 //! The runtime folder of a user's pools: a private folder for sockets and locks, which no other user can
 //! open. The files of iceoryx2 in `/dev/shm`, and which processes use them, are `shm_dir`'s concern.
 
-use crate::name::check_name;
-use rustix::fs::OFlags;
+use crate::os::files;
 use smaclite_engine::fnv::Fnv1a;
-use std::fs::{File, Metadata};
-use std::io::Error;
-use std::os::unix::fs::{DirBuilderExt, FileTypeExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
 /// The environment variable that overrides the folder, for tests and for containers that share one. It must
@@ -14,10 +10,7 @@ use std::path::{Path, PathBuf};
 pub const ROOT_VARIABLE: &str = "SMACLITE_POOL_ROOT";
 
 /// Linux limits paths of sockets to 108 bytes with the zero at their end; the longest is `ROOT/NAME.sock`.
-const MAX_ROOT_LEN: usize = 60;
-
-/// The mode of a file that only this user can open.
-pub(crate) const PRIVATE: u32 = 0o600;
+pub(crate) const MAX_ROOT_LEN: usize = 60;
 
 /// The folder of this user's pools.
 #[derive(Clone, Debug)]
@@ -67,13 +60,10 @@ pub enum RuntimeDirError {
 }
 
 impl RuntimeDir {
-    /// `$SMACLITE_POOL_ROOT`, else `/tmp/smaclite-pool-<uid>`; created, private to this user, if it does not
-    /// exist.
+    /// `$SMACLITE_POOL_ROOT`, else `/tmp/smaclite-pool-<uid>` (`smaclite-pool` in the user's folder of temporary
+    /// files where the system is not Linux); created, private to this user, if it does not exist.
     pub fn for_current_user() -> Result<RuntimeDir, RuntimeDirError> {
-        let uid = rustix::process::getuid().as_raw();
-        let default = PathBuf::from(format!("/tmp/smaclite-pool-{uid}"));
-        let root = std::env::var_os(ROOT_VARIABLE).map_or(default, PathBuf::from);
-        RuntimeDir::at(root)
+        RuntimeDir::at(std::env::var_os(ROOT_VARIABLE).map_or_else(files::default_root, PathBuf::from))
     }
 
     /// The given folder; created, private to this user, if it does not exist.
@@ -84,30 +74,7 @@ impl RuntimeDir {
         if root.as_os_str().is_empty() {
             return Err(RuntimeDirError::Empty);
         }
-        if root.as_os_str().len() > MAX_ROOT_LEN {
-            return Err(RuntimeDirError::TooLong { root });
-        }
-        let created = std::fs::DirBuilder::new().recursive(true).mode(0o700).create(&root);
-        created.map_err(|source| match root.symlink_metadata() {
-            Ok(found) => RuntimeDirError::NotAFolder { root: root.clone(), found: owner_and_mode(&found) },
-            Err(_) => RuntimeDirError::Create { root: root.clone(), source },
-        })?;
-        let user = rustix::process::getuid().as_raw();
-        let failed = |source| RuntimeDirError::Create { root: root.clone(), source };
-        // A link that another user put into /tmp could lead to any folder of this user.
-        let link = root.symlink_metadata().map_err(failed)?;
-        let canonical = root.canonicalize().map_err(failed)?;
-        let folder = canonical.metadata().map_err(failed)?;
-        if link.is_symlink() && link.uid() != user {
-            return Err(RuntimeDirError::LinkNotOurs { root, owner: link.uid(), user });
-        }
-        let root = canonical;
-        if folder.uid() != user {
-            return Err(RuntimeDirError::NotOurs { root, owner: folder.uid(), user });
-        }
-        if folder.mode() & 0o022 != 0 {
-            return Err(RuntimeDirError::Open { root, mode: folder.mode() & 0o7777 });
-        }
+        let root = files::private_folder(root)?;
         // Names in /dev/shm do not contain the folder, so two folders need different prefixes.
         let mut hash = Fnv1a::default();
         hash.write(root.as_os_str().as_encoded_bytes());
@@ -132,112 +99,5 @@ impl RuntimeDir {
     /// The file that a pool's supervisor holds locked.
     pub fn lock(&self, pool: &str) -> PathBuf {
         self.root.join(format!("{pool}.lock"))
-    }
-
-    /// Names of the pools that have a socket here, dead or alive.
-    pub fn pool_names(&self) -> Vec<String> {
-        self.names_of(&[".sock"], |_| true)
-    }
-
-    /// Names of the pools that left a socket or a lock here, dead or alive. A pool's files are private and
-    /// its lock is empty; other files with such names are not ours.
-    pub(crate) fn stale_names(&self) -> Vec<String> {
-        let user = rustix::process::getuid().as_raw();
-        let is_pools = |file: &Metadata| {
-            let is_lock = file.is_file() && file.len() == 0;
-            (is_lock || file.file_type().is_socket()) && file.uid() == user && file.mode() & 0o7777 == PRIVATE
-        };
-        self.names_of(&[".sock", ".lock"], is_pools)
-    }
-
-    fn names_of(&self, suffixes: &[&str], is_pools: impl Fn(&Metadata) -> bool) -> Vec<String> {
-        let entries = std::fs::read_dir(&self.root).into_iter().flatten().flatten();
-        let entries = entries.filter(|entry| entry.metadata().is_ok_and(|file| is_pools(&file)));
-        let names = entries.filter_map(|entry| {
-            let file = entry.file_name().into_string().ok()?;
-            let name = suffixes.iter().find_map(|suffix| file.strip_suffix(suffix))?;
-            check_name(name).is_ok().then(|| name.to_owned())
-        });
-        let mut names: Vec<_> = names.collect();
-        names.sort();
-        names.dedup();
-        names
-    }
-}
-
-/// Opens or makes a file to lock. The file is private even where the folder is not: another user could
-/// block a pool by locking it. An existing file must be private and plain; to open a FIFO could block.
-pub(crate) fn lock_file(path: &Path) -> std::io::Result<File> {
-    let named = |error: Error| Error::new(error.kind(), format!("{}: {error}", path.display()));
-    let flags = (OFlags::NOFOLLOW | OFlags::NONBLOCK).bits() as i32;
-    let mut options = File::options();
-    options.create(true).truncate(false).read(true).write(true).mode(PRIVATE).custom_flags(flags);
-    let file = options.open(path).map_err(named)?;
-    let found = file.metadata().map_err(named)?;
-    let user = rustix::process::getuid().as_raw();
-    if found.is_file() && found.uid() == user && found.mode() & 0o077 == 0 {
-        return Ok(file);
-    }
-    Err(Error::other(format!("{}: expected a private file; {}", path.display(), owner_and_mode(&found))))
-}
-
-/// Owner, mode and size of a file, for errors.
-pub(crate) fn owner_and_mode(file: &Metadata) -> String {
-    let (user, mode, bytes) = (rustix::process::getuid().as_raw(), file.mode() & 0o7777, file.len());
-    let kind = if file.is_file() { "it" } else { "it is not a plain file and" };
-    format!(
-        "{kind} belongs to user {} (this is user {user}), has mode {mode:o} and {bytes} bytes",
-        file.uid()
-    )
-}
-
-/// Is this still the file at `path`? Between the opening of a lock's file and its locking, its previous owner
-/// may have removed it.
-pub(crate) fn is_file_at(file: &File, path: &Path) -> bool {
-    let same = |a: &Metadata, b: &Metadata| (a.dev(), a.ino()) == (b.dev(), b.ino());
-    matches!((file.metadata(), path.metadata()), (Ok(ours), Ok(there)) if same(&ours, &there))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use std::fs::Permissions;
-    use std::os::unix::fs::PermissionsExt;
-
-    /// The messages were ": cannot be created: No such file or directory" and "File exists", without owner
-    /// and remedy.
-    #[test]
-    fn what_cannot_be_a_root_folder_says_why() {
-        let refused = |root: &Path| RuntimeDir::at(root.to_owned()).unwrap_err().to_string();
-        assert!(refused(Path::new("")).starts_with("SMACLITE_POOL_ROOT is empty; set it to a"));
-        let folder = tempfile::tempdir().unwrap();
-        let user = rustix::process::getuid().as_raw();
-        let [file, link] = ["file", "link"].map(|name| folder.path().join(name));
-        std::fs::write(&file, "").unwrap();
-        std::os::unix::fs::symlink(folder.path().join("nothing"), &link).unwrap();
-        for root in [&file, &link] {
-            let text = refused(root);
-            assert!(text.starts_with(&format!("{}: expected a folder; it", root.display())), "{text}");
-            assert!(text.contains(&format!("belongs to user {user}")), "{text}");
-            assert!(text.ends_with("set SMACLITE_POOL_ROOT to a private folder"), "{text}");
-        }
-    }
-
-    /// In a container with a read-only `/tmp` the message said no remedy.
-    #[test]
-    fn a_folder_that_cannot_be_made_says_how_to_choose_another() {
-        let text = RuntimeDir::at(PathBuf::from("/proc/smaclite-pool")).unwrap_err().to_string();
-        assert!(text.starts_with("/proc/smaclite-pool: cannot be created: "), "{text}");
-        assert!(text.ends_with("for example `SMACLITE_POOL_ROOT=/dev/shm/pools`"), "{text}");
-    }
-
-    #[test]
-    fn a_folder_that_others_can_write_to_is_refused() {
-        let folder = tempfile::tempdir().unwrap();
-        for (mode, is_fine) in [(0o700, true), (0o755, true), (0o770, false), (0o1777, false)] {
-            std::fs::set_permissions(folder.path(), Permissions::from_mode(mode)).unwrap();
-            let runtime_dir = RuntimeDir::at(folder.path().to_owned());
-            assert_eq!(runtime_dir.is_ok(), is_fine, "{mode:o}: {runtime_dir:?}");
-        }
     }
 }

@@ -9,8 +9,8 @@ use crate::capacity::Capacity;
 use crate::connection_failures::{Failures, PeerEnd};
 pub use crate::error::IpcError;
 pub(crate) use crate::error::doing;
+use crate::os::shm_dir::{FolderUse, ShmDir};
 use crate::runtime_dir::RuntimeDir;
-use crate::shm_dir::{FolderUse, ShmDir};
 use crate::wire::{FrameHeader, RequestHeader, max_request_bytes};
 use iceoryx2::port::listener::Listener;
 use iceoryx2::port::notifier::Notifier;
@@ -25,7 +25,7 @@ use std::mem::MaybeUninit;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-pub(crate) type Ipc = crate::variant::PoolService;
+pub(crate) type Ipc = crate::os::variant::PoolService;
 pub(crate) type FrameLoan = SampleMutUninit<Ipc, [MaybeUninit<u8>], FrameHeader>;
 pub(crate) type FramePublisher = Publisher<Ipc, [u8], FrameHeader>;
 pub(crate) type FrameSubscriber = Subscriber<Ipc, [u8], FrameHeader>;

@@ -4,10 +4,10 @@
 // A loaned sample is shared memory that the operating system zeroed, not uninitialised Rust memory.
 #![allow(unsafe_code)]
 
+use crate::os::variant::PoolService;
 use crate::services::{
     FrameLoan, FramePublisher, IpcError, IpcListener, IpcNotifier, RequestSubscriber, doing,
 };
-use crate::variant::PoolService;
 use crate::wire::{FrameHeader, MAGIC, ReadRequest, RequestHeader, read_once, read_request};
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::sample::Sample;

@@ -3,6 +3,7 @@
 
 #![allow(unsafe_code)] // `as_atomics` and `read_once` say why; `ZeroCopySend` asserts plain data
 
+use crate::os::now_ns;
 use iceoryx2::prelude::ZeroCopySend;
 use smaclite_engine::Faction;
 use smaclite_pool::Rejection;
@@ -162,12 +163,6 @@ impl RequestHeader {
             sent_ns,
         }
     }
-}
-
-/// Nanoseconds by the clock that all processes of a machine share (`CLOCK_MONOTONIC`).
-pub fn now_ns() -> u64 {
-    let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
-    now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
 }
 
 /// Offset of the body in a request to `count` environments: `env_id` i32 `[count]` comes first, and the body

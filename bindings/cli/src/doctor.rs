@@ -4,11 +4,11 @@
 use super::{CommandResult, HostVersion, megabytes};
 use crate::bench::this_program::serve_command;
 use crate::bench::throughput::{Mode, Workload};
+use crate::os;
 use crate::process::interrupt_flag;
 use clap::Args;
-use rustix::process::{Resource, getrlimit};
 use serde::Serialize;
-use smaclite_ipc::{RuntimeDir, left_over_files};
+use smaclite_ipc::{RuntimeDir, SERVES_OTHER_PROCESSES, left_over_files};
 use smaclite_pool::PoolOptions;
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -63,10 +63,12 @@ impl Doctor {
         let facts = facts(host, runtime_dir.as_ref().ok());
         let check = |name, mode| Check { name, error: error_of_pool(mode, &interrupted) };
         let checks = match runtime_dir {
-            Ok(_) => vec![
-                check("pool in this process", Mode::Embedded),
-                check("pool in another process", Mode::Attached),
-            ],
+            Ok(_) => {
+                let embedded = check("pool in this process", Mode::Embedded);
+                let attached =
+                    SERVES_OTHER_PROCESSES.then(|| check("pool in another process", Mode::Attached));
+                std::iter::once(embedded).chain(attached).collect()
+            }
             Err(error) => vec![Check { name: "runtime folder", error: Some(error.to_string()) }],
         };
         let report = Report { facts, environment: environment(), checks };
@@ -117,19 +119,15 @@ fn error_of_pool(mode: Mode, interrupted: &AtomicBool) -> Option<String> {
 
 /// What can be read of the program and the machine.
 fn facts(host: &[HostVersion], runtime_dir: Option<&RuntimeDir>) -> Vec<(&'static str, String)> {
-    let uname = rustix::system::uname();
-    let [system, release, machine] = [uname.sysname(), uname.release(), uname.machine()];
-    let kernel = [system, release, machine].map(|part| part.to_string_lossy());
     let cores = std::thread::available_parallelism().map_or(1, |cores| cores.get());
-    let limit =
-        |kind| getrlimit(kind).current.map_or_else(|| "unlimited".to_owned(), |limit| limit.to_string());
+    let [open_files, address_space] = os::limits();
     let built = [env!("CARGO_PKG_VERSION"), env!("BUILD_TARGET"), env!("BUILD_PROFILE")].join(", ");
     let host = host.iter().map(|(name, version)| format!("{name} {version}")).collect::<Vec<_>>().join(", ");
     let facts = [
         ("smaclite-pool", Some(built)),
         ("engine uses", Some(smaclite_engine::instruction_set().to_owned())),
         ("run by", Some(host)),
-        ("kernel", Some(kernel.join(" "))),
+        ("kernel", os::kernel()),
         ("distribution", field("/etc/os-release", "PRETTY_NAME=").map(|name| name.replace('"', ""))),
         ("container", container()),
         ("namespaces", Some(["pid", "ipc", "mnt", "user"].map(namespace).join(", "))),
@@ -138,9 +136,9 @@ fn facts(host: &[HostVersion], runtime_dir: Option<&RuntimeDir>) -> Vec<(&'stati
         ("memory", field("/proc/meminfo", "MemTotal")),
         ("available memory", field("/proc/meminfo", "MemAvailable")),
         ("cgroup's limit", read("/sys/fs/cgroup/memory.max").map(|limit| limit.trim().to_owned())),
-        (SHM, Some(shared_memory())),
-        ("open files", Some(limit(Resource::Nofile))),
-        ("address space", Some(limit(Resource::As))),
+        (SHM, shared_memory()),
+        ("open files", open_files),
+        ("address space", address_space),
         ("runtime folder", runtime_dir.map(|folder| folder.root().display().to_string())),
         ("left-over files", runtime_dir.map(left_over)),
     ];
@@ -173,14 +171,13 @@ fn namespace(kind: &str) -> String {
     link.map_or_else(|_| format!("{kind}: unknown"), |link| link.display().to_string())
 }
 
-fn shared_memory() -> String {
-    let Ok(stat) = rustix::fs::statvfs(SHM) else { return "not found".to_owned() };
+fn shared_memory() -> Option<String> {
+    let Some(room) = os::room(SHM) else { return SERVES_OTHER_PROCESSES.then(|| "not found".to_owned()) };
     let mounts = read("/proc/mounts").unwrap_or_default();
     let of_shm = |line: &&str| line.split(' ').nth(1) == Some(SHM);
     let mount = mounts.lines().rfind(of_shm).unwrap_or("no mount of its own");
-    let [size, free] =
-        [stat.f_blocks, stat.f_bavail].map(|blocks| megabytes((blocks * stat.f_frsize) as usize));
-    format!("{size}, {free} free, {mount}")
+    let [size, free] = room.map(|bytes| megabytes(bytes as usize));
+    Some(format!("{size}, {free} free, {mount}"))
 }
 
 fn left_over(runtime_dir: &RuntimeDir) -> String {

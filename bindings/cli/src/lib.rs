@@ -35,6 +35,7 @@ mod man;
 mod new;
 mod number;
 mod opponent;
+mod os;
 mod picture;
 mod play;
 pub mod process;
@@ -63,7 +64,6 @@ use std::error::Error;
 use std::ffi::{OsStr, OsString};
 use std::io::Write;
 use std::ops::RangeInclusive;
-use std::sync::Arc;
 use tracing_subscriber::filter::Targets;
 use tracing_subscriber::layer::{Layer, SubscriberExt};
 use tracing_subscriber::util::SubscriberInitExt;
@@ -151,20 +151,13 @@ pub type HostVersion = (&'static str, String);
 /// exit status: 0 for success, 1 for failure, 2 for wrong usage, 128 + the signal's number for a command that
 /// SIGINT or SIGTERM ended before it was complete. `host` is what it runs in, as Python.
 pub fn run(args: impl IntoIterator<Item = OsString>, host: &[HostVersion]) -> i32 {
-    report_large_files();
+    os::report_large_files();
     process::forget_signals();
     let args: Vec<OsString> = args.into_iter().collect();
     let status = run_args(&args, host);
     // Within Python, an unfinished line would be lost at the end of the process.
     let _ = std::io::stdout().flush();
     status
-}
-
-/// A limit on the size of files (`ulimit -f`) makes writing fail with an error, instead of ending the program
-/// without a word by SIGXFSZ.
-fn report_large_files() {
-    // Any handler does; nothing reads the flag. If the system refuses it, the signal ends the program.
-    let _ = signal_hook::flag::register(signal_hook::consts::SIGXFSZ, Arc::default());
 }
 
 fn run_args(args: &[OsString], host: &[HostVersion]) -> i32 {

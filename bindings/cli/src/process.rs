@@ -1,7 +1,7 @@
 //! Processes: signals that end this one, a second one, and how much memory one uses.
 
+use crate::os;
 use signal_hook::consts::{SIGINT, SIGTERM};
-use signal_hook::iterator::Signals;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, LazyLock};
@@ -35,8 +35,7 @@ impl SecondProcess {
 impl Drop for SecondProcess {
     fn drop(&mut self) {
         if let Ok(None) = self.exit_status() {
-            let pid = rustix::process::Pid::from_child(&self.0);
-            let _ = rustix::process::kill_process(pid, rustix::process::Signal::TERM);
+            os::end(&mut self.0);
             let _ = self.0.wait();
         }
     }
@@ -102,7 +101,7 @@ fn set_on(signal: i32, flag: &Arc<AtomicBool>) -> std::io::Result<()> {
 /// # Errors
 /// If the system refuses the signal handlers.
 pub fn wait_for_termination() -> std::io::Result<()> {
-    Signals::new([SIGINT, SIGTERM])?.forever().next();
+    os::StopSignals::new()?.wait();
     Ok(())
 }
 

@@ -3,14 +3,13 @@
 use super::{CommandResult, THREADS, completions, megabytes, runtime_dir};
 use crate::check::warn_of;
 use crate::number::{count, seed, whole};
+use crate::os;
 use clap::Args;
-use rustix::process::{Resource, Rlimit, getrlimit, setrlimit};
 use serde_json::Value;
-use signal_hook::consts::{SIGINT, SIGTERM};
-use signal_hook::iterator::Signals;
 use smaclite_engine::{BattleSetup, EnemySide, EpisodeLimit, Rules, Sides};
 use smaclite_ipc::{
-    LaneConfig, RuntimeDir, StartError, Supervisor, SupervisorConfig, WaitStrategy, check_name,
+    LaneConfig, RuntimeDir, SERVES_OTHER_PROCESSES, StartError, Supervisor, SupervisorConfig, WaitStrategy,
+    check_name,
 };
 use smaclite_learn::LaneOpponents;
 use smaclite_pool::fields::FieldSet;
@@ -106,28 +105,24 @@ fn episode_limit(text: &str) -> Result<EpisodeLimit, InvalidEpisodeLimit> {
 /// Environments of a lane without a number.
 const DEFAULT_ENVS: usize = 64;
 
-/// Raises the limit on file descriptors as far as this user may. The low limit that shells set is for
-/// programs that call `select`, which this one does not and the process of a learner may, so the library
-/// leaves it alone.
-fn use_all_descriptors() {
-    let limit = getrlimit(Resource::Nofile);
-    // If it is refused, the limit stays, and an error names it where it is too low.
-    let _ = setrlimit(Resource::Nofile, Rlimit { current: limit.maximum, ..limit });
-}
-
 impl Serve {
     pub(super) fn run(self) -> CommandResult {
+        if !SERVES_OTHER_PROCESSES {
+            return Err(
+                "pools for other processes need Linux; on this system, use a pool within a process".into()
+            );
+        }
         let prepared = self.config(runtime_dir()?)?.prepare()?;
-        use_all_descriptors();
+        os::use_all_descriptors();
         // So far, a signal ends the program at once. From here on there are files to remove first.
-        let mut signals = Signals::new([SIGINT, SIGTERM])?;
-        let started = Supervisor::start_prepared(prepared, &mut || signals.pending().next().is_some());
+        let mut stop = os::StopSignals::new()?;
+        let started = Supervisor::start_prepared(prepared, &mut || stop.has_come());
         if let Err(StartError::Interrupted) = started {
             return Ok(());
         }
         let supervisor = started?;
         print_start(&supervisor);
-        signals.forever().next();
+        stop.wait();
         let _ = out!("stopping");
         Ok(())
     }

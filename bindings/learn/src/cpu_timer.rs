@@ -1,7 +1,7 @@
 //! Processor time of a run. Runs in the same process share its processor time: while several are active, each
 //! gets an equal part, and all parts together are the whole.
 
-use rustix::time::{ClockId, clock_gettime};
+use cpu_time::ProcessTime;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 /// What all timers of the process share.
@@ -19,8 +19,7 @@ static CLOCK: Mutex<Clock> = Mutex::new(Clock { read_at: 0.0, active: 0, part: 0
 fn clock() -> MutexGuard<'static, Clock> {
     let mut clock = CLOCK.lock().unwrap_or_else(PoisonError::into_inner);
     // Of all threads of this process; the time of a pool in another process is not in it.
-    let time = clock_gettime(ClockId::ProcessCPUTime);
-    let now = time.tv_sec as f64 + time.tv_nsec as f64 * 1e-9;
+    let now = ProcessTime::now().as_duration().as_secs_f64();
     if clock.active > 0 {
         clock.part += (now - clock.read_at) / f64::from(clock.active);
     }

@@ -29,6 +29,7 @@ use crate::tensors::{FileError, remove_incomplete};
 use crate::training::{Record, TrainError, Training};
 use crate::zoo_folders;
 use smaclite_engine::BattleSetup;
+use smaclite_units::file::os::to_lock;
 use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -315,7 +316,7 @@ fn remove_incomplete_files(folder: &Path) -> Result<(), FileError> {
 
 /// Locks the folder until the file is dropped.
 fn lock(folder: &Path) -> Result<File, TrainError> {
-    let file = File::open(folder).map_err(|source| FileError::Read { path: folder.to_owned(), source })?;
+    let file = to_lock(folder).map_err(|source| FileError::Read { path: folder.to_owned(), source })?;
     match file.try_lock() {
         Ok(()) => Ok(file),
         Err(TryLockError::WouldBlock) => Err(TrainError::FolderLocked(folder.display().to_string())),

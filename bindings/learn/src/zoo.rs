@@ -5,7 +5,7 @@
 //! files are those of a run that others read (`run.json`, `best.safetensors`), and a card; without
 //! evaluations and a checkpoint, it can be neither reported, verified nor resumed.
 
-use std::path::{Path, PathBuf};
+use std::path::{Path, PathBuf, is_separator};
 
 /// What the names of teams in the zoo begin with.
 pub(crate) const PREFIX: &str = "zoo:";
@@ -67,12 +67,12 @@ pub(crate) fn folder(scenario: &str) -> PathBuf {
 /// Whether a text that can also be something else, as the name of a script, names a trained team: the folder
 /// of a run, or a team of the zoo. Its mistakes are found where it is read.
 pub fn names_team(text: &str) -> bool {
-    text.starts_with(PREFIX) || text.contains('/') || Path::new(text).is_dir()
+    text.starts_with(PREFIX) || text.contains(is_separator) || Path::new(text).is_dir()
 }
 
 /// The file of a team with this path, as `zoo:3m/run.json`.
 pub(crate) fn zoo_file(path: &Path) -> Option<&'static [u8]> {
-    let (name, file) = path.to_str()?.strip_prefix(PREFIX)?.split_once('/')?;
+    let (name, file) = path.to_str()?.strip_prefix(PREFIX)?.split_once(is_separator)?;
     let team = TEAMS.iter().find(|team| team.name == name)?;
     match file {
         "run.json" => Some(team.run),

@@ -9,7 +9,7 @@ use crate::connection_failures::Failures;
 use crate::connections::{PeerPorts, check_reaches_any};
 use crate::control::client::{ControlClient, ControlSocketError, RESPONSE_TIMEOUT};
 use crate::control::protocol::{ControlError, ControlRequest, ControlResponse, LaneDescription};
-use crate::memory::{PORTS, check_room, reserve_segments};
+use crate::os::memory::{PORTS, check_room, reserve_segments};
 use crate::process_owned::ProcessOwned;
 use crate::runtime_dir::RuntimeDir;
 use crate::services::{

@@ -2,7 +2,7 @@
 
 use crate::control::client::{ControlSocketError, in_seconds};
 use crate::control::protocol::ControlError;
-use crate::memory::TooLittleMemory;
+use crate::os::memory::TooLittleMemory;
 use crate::process_owned::NotOwner;
 use crate::runtime_dir::RuntimeDirError;
 use crate::services::IpcError;

@@ -6,16 +6,13 @@ use super::protocol::{
 };
 use crate::error::remedy;
 use crate::name::{NameError, check_name};
+use crate::os::SERVES_OTHER_PROCESSES;
+use crate::os::socket::{self, Direction, Process, Stream, has_ended, is_ready, watch_process};
 use crate::runtime_dir::RuntimeDir;
 pub(crate) use crate::wait_options::RESPONSE_TIMEOUT;
 use crate::wait_options::WaitOptions;
-use rustix::event::{PollFd, PollFlags, Timespec, poll};
-use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType};
-use rustix::process::{Pid, PidfdFlags, pidfd_open};
 use smaclite_pool::Deadline;
 use std::io::{ErrorKind, Read, Write};
-use std::os::fd::{AsFd, OwnedFd};
-use std::os::unix::net::UnixStream;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -28,9 +25,9 @@ const EXIT_TIMEOUT: Duration = Duration::from_millis(200);
 /// A connection to a supervisor. While it is open, each end knows that the other lives.
 pub(crate) struct ControlClient {
     /// Non-blocking.
-    stream: UnixStream,
+    stream: Stream,
     /// Readable when the supervisor's process ends, even if a forked child of it keeps the socket open.
-    process: Option<OwnedFd>,
+    process: Option<Process>,
     pid: Option<u32>,
     runtime_dir: RuntimeDir,
     pool: String,
@@ -76,7 +73,9 @@ fn this_release() -> String {
 }
 
 fn hint(pools: &[String]) -> String {
-    if pools.is_empty() {
+    if !SERVES_OTHER_PROCESSES {
+        "; on this system, only the process that a pool runs in can use it".to_owned()
+    } else if pools.is_empty() {
         "; start one with `smaclite-pool serve SCENARIO:N --name NAME`".to_owned()
     } else {
         format!("; running: {}", pools.join(", "))
@@ -93,15 +92,6 @@ pub(crate) fn of_process(pid: Option<u32>) -> String {
     pid.map_or(String::new(), |pid| format!(" (process {pid})"))
 }
 
-/// Connects without blocking: a supervisor that is stopped leaves its queue of connections full, which is
-/// [`ErrorKind::WouldBlock`].
-fn try_connect(runtime_dir: &RuntimeDir, pool: &str) -> std::io::Result<UnixStream> {
-    let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;
-    let socket = rustix::net::socket_with(AddressFamily::UNIX, SocketType::STREAM, flags, None)?;
-    rustix::net::connect(&socket, &SocketAddrUnix::new(runtime_dir.socket(pool))?)?;
-    Ok(UnixStream::from(socket))
-}
-
 /// Does the error mean that no process listens at the pool's socket?
 fn is_absent(error: &std::io::Error) -> bool {
     matches!(error.kind(), ErrorKind::NotFound | ErrorKind::ConnectionRefused)
@@ -110,46 +100,13 @@ fn is_absent(error: &std::io::Error) -> bool {
 /// Names of the pools whose supervisors live, whether or not they answer.
 pub(crate) fn running_pools(runtime_dir: &RuntimeDir) -> Vec<String> {
     let mut names = runtime_dir.pool_names();
-    names.retain(|name| !try_connect(runtime_dir, name).is_err_and(|error| is_absent(&error)));
+    names.retain(|name| !socket::connect(&runtime_dir.socket(name)).is_err_and(|error| is_absent(&error)));
     names
 }
 
 /// The process of a pool's supervisor, by the kernel: the supervisor need not answer.
 pub(crate) fn process_of(runtime_dir: &RuntimeDir, pool: &str) -> Option<u32> {
-    peer_of(&try_connect(runtime_dir, pool).ok()?).ok()?.pid
-}
-
-/// The process at the other end of a socket.
-pub(crate) struct Peer {
-    /// `None` if it is in a process namespace whose processes cannot be seen from this one.
-    pub(crate) pid: Option<u32>,
-    pub(crate) uid: u32,
-}
-
-pub(crate) fn peer_of(stream: &impl AsFd) -> std::io::Result<Peer> {
-    // Not by rustix, whose type for process numbers cannot hold the kernel's 0 for "not in this namespace".
-    let peer = nix::sys::socket::getsockopt(&stream.as_fd(), nix::sys::socket::sockopt::PeerCredentials)?;
-    Ok(Peer { pid: u32::try_from(peer.pid()).ok().filter(|pid| *pid != 0), uid: peer.uid() })
-}
-
-/// Readable when the process ends. `None` for this one, too, whose end ends both.
-pub(crate) fn watch_process(pid: u32) -> Option<OwnedFd> {
-    if pid == std::process::id() {
-        return None;
-    }
-    let pid = Pid::from_raw(i32::try_from(pid).ok()?)?;
-    pidfd_open(pid, PidfdFlags::empty()).ok()
-}
-
-/// Has this process ended? Never blocks.
-pub(crate) fn has_ended(process: &OwnedFd) -> bool {
-    is_ready(process, PollFlags::IN, Duration::ZERO)
-}
-
-fn is_ready(fd: &impl AsFd, flags: PollFlags, within: Duration) -> bool {
-    let timeout = Timespec { tv_sec: within.as_secs() as _, tv_nsec: within.subsec_nanos().into() };
-    // An interrupted wait found nothing; its caller checks again.
-    poll(&mut [PollFd::new(fd, flags)], Some(&timeout)).is_ok_and(|ready| ready > 0)
+    socket::peer_of(&socket::connect(&runtime_dir.socket(pool)).ok()?).ok()?.pid
 }
 
 /// What is left of a caller's [`WaitOptions`].
@@ -256,7 +213,7 @@ impl ControlClient {
             source,
         };
         let stream = loop {
-            match try_connect(runtime_dir, &pool) {
+            match socket::connect(&runtime_dir.socket(&pool)) {
                 Ok(stream) => break stream,
                 Err(error) if error.kind() == ErrorKind::WouldBlock => {
                     std::thread::sleep(waiting.slice()?.min(Duration::from_millis(10)));
@@ -267,7 +224,7 @@ impl ControlClient {
                 Err(source) => return Err(unreachable(source)),
             }
         };
-        let pid = peer_of(&stream).map_err(unreachable)?.pid;
+        let pid = socket::peer_of(&stream).map_err(unreachable)?.pid;
         Ok(ControlClient {
             stream,
             process: pid.and_then(watch_process),
@@ -286,7 +243,7 @@ impl ControlClient {
                 Ok(written) => drop(self.unwritten.drain(..written)),
                 // It may have answered before it closed the connection.
                 Err(error) if error.kind() == ErrorKind::BrokenPipe => self.unwritten.clear(),
-                Err(error) => self.wait_after(error, PollFlags::OUT, waiting)?,
+                Err(error) => self.wait_after(error, Direction::Write, waiting)?,
             }
         }
         Ok(())
@@ -298,7 +255,7 @@ impl ControlClient {
             match self.stream.read(&mut chunk) {
                 Ok(0) => return Err(self.hung_up()),
                 Ok(read) => self.received.extend_from_slice(&chunk[..read]),
-                Err(error) => self.wait_after(error, PollFlags::IN, waiting)?,
+                Err(error) => self.wait_after(error, Direction::Read, waiting)?,
             }
             if self.received.len() > MAX_RESPONSE {
                 let what = format!("its response has more than {MAX_RESPONSE} bytes");
@@ -312,14 +269,14 @@ impl ControlClient {
     fn wait_after(
         &self,
         error: std::io::Error,
-        flags: PollFlags,
+        direction: Direction,
         waiting: &mut Waiting<'_>,
     ) -> Result<(), ControlSocketError> {
         match error.kind() {
             ErrorKind::Interrupted => Ok(()),
             ErrorKind::WouldBlock if self.process.as_ref().is_some_and(has_ended) => Err(self.gone()),
             ErrorKind::WouldBlock => {
-                is_ready(&self.stream, flags, waiting.slice()?);
+                is_ready(&self.stream, direction, waiting.slice()?);
                 Ok(())
             }
             ErrorKind::BrokenPipe | ErrorKind::ConnectionReset => Err(self.hung_up()),
@@ -347,7 +304,9 @@ impl ControlClient {
         let begin = Instant::now();
         while begin.elapsed() < EXIT_TIMEOUT {
             let ended = self.process.as_ref().is_some_and(has_ended);
-            if ended || try_connect(&self.runtime_dir, &self.pool).is_err_and(|error| is_absent(&error)) {
+            if ended
+                || socket::connect(&self.runtime_dir.socket(&self.pool)).is_err_and(|error| is_absent(&error))
+            {
                 return self.gone();
             }
             std::thread::sleep(Duration::from_millis(10));
@@ -360,12 +319,7 @@ impl ControlClient {
         if self.process.as_ref().is_some_and(has_ended) {
             return false;
         }
-        let mut byte = [0u8; 1];
-        let flags = rustix::net::RecvFlags::PEEK | rustix::net::RecvFlags::DONTWAIT;
-        match rustix::net::recv(&self.stream, &mut byte[..], flags) {
-            Ok((received, _)) => received > 0,
-            Err(e) => matches!(e, rustix::io::Errno::AGAIN | rustix::io::Errno::INTR),
-        }
+        socket::is_open(&self.stream)
     }
 }
 

@@ -1,7 +1,6 @@
 //! The supervisor's end of the control socket: one thread that owns the pool, accepts connections, detects
 //! the end of a learner's process, and has iceoryx2 reclaim what dead processes left.
 
-use super::client::{has_ended, peer_of, watch_process};
 use super::protocol::{
     ControlError, ControlRequest, ControlResponse, MAX_REQUEST, Message, PROTOCOL_VERSION, PoolStatus,
     RELEASE, Sender, release_text,
@@ -10,18 +9,17 @@ use super::served_lane::{AttachedLearner, ServedLane};
 use crate::CHECK_INTERVAL;
 use crate::connections::{LanePorts, PeerPorts};
 use crate::error::remedy;
+use crate::os::socket::{
+    Direction, Listener, Process, Spare, Stream, Waiting, has_ended, peer_of, wait, watch_process,
+};
 use crate::services::{IpcNode, LaneServices, WorkEvent};
 use crate::transport::Iceoryx;
-use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use smaclite_engine::Faction;
 use smaclite_engine::policy::Tactic;
 use smaclite_pool::Pool;
 use smaclite_pool::transport::SessionId;
 use std::collections::VecDeque;
-use std::fs::File;
 use std::io::{ErrorKind, Read, Write};
-use std::os::fd::OwnedFd;
-use std::os::unix::net::{UnixListener, UnixStream};
 use std::time::{Duration, Instant};
 
 mod following;
@@ -60,12 +58,12 @@ pub(crate) struct ControlServer {
 
 struct Connection {
     /// Non-blocking.
-    stream: UnixStream,
+    stream: Stream,
     /// The peer's process; `None` if it is in another process namespace.
     pid: Option<u32>,
     /// Readable when the process of a learner or spectator ends, even if a forked child keeps the socket
     /// open.
-    process: Option<OwnedFd>,
+    process: Option<Process>,
     received: Vec<u8>,
     /// The unwritten rest of the last response. Until it is written no other request is read.
     unwritten: VecDeque<u8>,
@@ -83,15 +81,15 @@ enum Role {
     Follower(usize, Followed),
 }
 
-/// Serves until `stop` is shut down at the other end. `spare` is one of [`spare_descriptor`].
-pub(crate) fn serve(mut server: ControlServer, listener: UnixListener, stop: UnixStream, spare: OwnedFd) {
+/// Serves until `stop` is shut down at the other end. `spare` is one of its own.
+pub(crate) fn serve(mut server: ControlServer, listener: Listener, stop: Stream, spare: Spare) {
     let mut connections: Vec<Connection> = Vec::new();
     let mut sessions = 0u64;
     let begin = Instant::now();
     let (mut last_check, mut last_cleanup, mut last_activity) = (begin, begin, begin);
     let mut spare = Some(spare);
     loop {
-        let ready = wait(&listener, &stop, &connections);
+        let ready = wait(&listener, &stop, connections.iter().map(Connection::waiting), CHECK_INTERVAL);
         if ready.stop {
             break;
         }
@@ -117,7 +115,7 @@ pub(crate) fn serve(mut server: ControlServer, listener: UnixListener, stop: Uni
                     std::thread::sleep(Duration::from_millis(10));
                 }
             }
-            spare = spare.or_else(|| spare_descriptor().ok());
+            spare = spare.or_else(|| Spare::new().ok());
         }
         if last_check.elapsed() >= CHECK_INTERVAL {
             last_check = Instant::now();
@@ -130,14 +128,8 @@ pub(crate) fn serve(mut server: ControlServer, listener: UnixListener, stop: Uni
     }
 }
 
-/// A file descriptor to give up when there is no other. A pool has it from its start, or a learner of this
-/// process could take the last one before it.
-pub(crate) fn spare_descriptor() -> std::io::Result<OwnedFd> {
-    File::open("/dev/null").map(OwnedFd::from)
-}
-
 /// Accepts a new connection; closes an idle one if there are too many.
-fn admit(connections: &mut Vec<Connection>, stream: UnixStream) {
+fn admit(connections: &mut Vec<Connection>, stream: Stream) {
     let Some(connection) = Connection::new(stream) else { return };
     let pid = connection.pid;
     close_idlest(connections, MAX_UNATTACHED_PER_PROCESS - 1, |other| other.pid == pid);
@@ -159,33 +151,6 @@ fn close_idlest(connections: &mut Vec<Connection>, limit: usize, kind: impl Fn(&
     false
 }
 
-struct Ready {
-    stop: bool,
-    listener: bool,
-    connections: Vec<usize>,
-}
-
-fn wait(listener: &UnixListener, stop: &UnixStream, connections: &[Connection]) -> Ready {
-    let mut fds = vec![PollFd::new(stop, PollFlags::IN), PollFd::new(listener, PollFlags::IN)];
-    let mut owner = Vec::new();
-    for (index, connection) in connections.iter().enumerate() {
-        let events = if connection.unwritten.is_empty() { PollFlags::IN } else { PollFlags::OUT };
-        fds.push(PollFd::new(&connection.stream, events));
-        owner.push(index);
-        if let Some(process) = &connection.process {
-            fds.push(PollFd::new(process, PollFlags::IN));
-            owner.push(index);
-        }
-    }
-    let timeout = Timespec { tv_sec: 0, tv_nsec: CHECK_INTERVAL.as_nanos() as _ };
-    let _ = poll(&mut fds, Some(&timeout)); // an interrupted wait found nothing
-    let happened = |fd: &PollFd<'_>| !fd.revents().is_empty();
-    let mut connections: Vec<usize> =
-        fds[2..].iter().zip(owner).filter(|(fd, _)| happened(fd)).map(|(_, index)| index).collect();
-    connections.dedup();
-    Ready { stop: happened(&fds[0]), listener: happened(&fds[1]), connections }
-}
-
 impl Drop for Connection {
     /// Ends the connection at once, even if a forked child of this process holds a copy of the socket.
     fn drop(&mut self) {
@@ -195,9 +160,9 @@ impl Drop for Connection {
 
 impl Connection {
     /// `None` for a process of another user, which the folder's permissions should prevent.
-    fn new(stream: UnixStream) -> Option<Connection> {
+    fn new(stream: Stream) -> Option<Connection> {
         let peer = peer_of(&stream).ok()?;
-        if peer.uid != rustix::process::getuid().as_raw() {
+        if !peer.is_ours() {
             tracing::warn!(uid = peer.uid, "connection of another user refused");
             return None;
         }
@@ -205,6 +170,12 @@ impl Connection {
         let (received, unwritten) = (Vec::new(), VecDeque::new());
         let (pid, process, active, role) = (peer.pid, None, Instant::now(), Role::None);
         Some(Connection { stream, pid, process, received, unwritten, active, role })
+    }
+
+    /// What happens to it.
+    fn waiting(&self) -> Waiting<'_> {
+        let direction = if self.unwritten.is_empty() { Direction::Read } else { Direction::Write };
+        Waiting { stream: &self.stream, direction, process: self.process.as_ref() }
     }
 
     fn process_ended(&self) -> bool {
@@ -377,7 +348,7 @@ impl ControlServer {
     }
 
     /// Tells the next peer why it cannot be served.
-    fn turn_away(&self, listener: &UnixListener, error: &std::io::Error) {
+    fn turn_away(&self, listener: &Listener, error: &std::io::Error) {
         let Ok((mut stream, _)) = listener.accept() else { return };
         let (pool, pid) = (self.name.clone(), std::process::id());
         let cause = format!("{error}{}", remedy(error));

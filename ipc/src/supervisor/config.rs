@@ -3,8 +3,8 @@
 use super::error::{LaneConfigError, StartError};
 use crate::capacity::Capacity;
 use crate::control::protocol::LaneDescription;
-use crate::memory::{PORTS, check_room};
 use crate::name::check_name;
+use crate::os::memory::{PORTS, check_room};
 use crate::runtime_dir::RuntimeDir;
 use smaclite_engine::{Arena, BattleSetup, Sides};
 use smaclite_pool::enemy_team::EnemyTeam;

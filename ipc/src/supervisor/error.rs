@@ -2,8 +2,8 @@
 
 use crate::control::client::of_process;
 use crate::error::remedy;
-use crate::memory::TooLittleMemory;
 use crate::name::NameError;
+use crate::os::memory::TooLittleMemory;
 use crate::runtime_dir::RuntimeDirError;
 use crate::services::IpcError;
 use smaclite_pool::{LaneSettingsError, PoolStartError};

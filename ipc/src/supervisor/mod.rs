@@ -4,25 +4,26 @@
 mod config;
 mod control_thread;
 mod error;
-mod name_lock;
 
 use config::PreparedLane;
 pub use config::{LaneConfig, PreparedPool, SupervisorConfig};
 pub use error::{LaneConfigError, StartError};
-pub(crate) use name_lock::NameLock;
 
 use crate::client::{Client, ConnectError};
 use crate::connection_failures::Failures;
 use crate::connections::LanePorts;
+use crate::control::client::process_of;
 use crate::control::protocol::LaneDescription;
 use crate::control::served_lane::ServedLane;
 use crate::control::server::ControlServer;
-use crate::memory::reserve_segments;
+use crate::os::NameLock;
+use crate::os::memory::reserve_segments;
 use crate::process_owned::ProcessOwned;
 use crate::runtime_dir::RuntimeDir;
 use crate::services::{Ipc, LaneServices, WorkEvent, open_node};
 use crate::transport::{FrameOutlet, Iceoryx, RequestInlet, WorkBell};
 use control_thread::ControlThread;
+use error::system;
 use iceoryx2::prelude::Node;
 use smaclite_pool::{Pool, PoolHandle, PoolOptions, WaitStrategy};
 use std::sync::Arc;
@@ -64,7 +65,7 @@ impl Supervisor {
         }
         let PreparedPool { name, runtime_dir, options, instance, lanes, shared_memory } = prepared;
         let threads = options.threads;
-        let _name_lock = NameLock::acquire(&runtime_dir, &name)?;
+        let _name_lock = take_name(&runtime_dir, &name)?;
         let ipc_node = open_node(&runtime_dir, &name)?;
         let descriptions: Vec<_> = lanes.iter().map(|lane| lane.description.clone()).collect();
         let served = lanes.iter().map(|lane| ServedLane::new(lane.description.clone(), lane.files.clone()));
@@ -143,6 +144,12 @@ impl Supervisor {
     pub fn runtime_dir(&self) -> &RuntimeDir {
         &self.runtime_dir
     }
+}
+
+/// Takes a pool's name, which only one pool has at a time.
+fn take_name(runtime_dir: &RuntimeDir, name: &str) -> Result<NameLock, StartError> {
+    let lock = NameLock::try_take(runtime_dir, name).map_err(system("opening the pool's lock"))?;
+    lock.ok_or_else(|| StartError::NameTaken { pool: name.to_owned(), pid: process_of(runtime_dir, name) })
 }
 
 type Services = (WorkEvent, Vec<LaneServices>);

@@ -9,6 +9,7 @@ mod json;
 mod key;
 mod node;
 mod open;
+pub mod os;
 mod problem;
 mod shown;
 mod syntax;
@@ -46,7 +47,7 @@ pub fn read_text(path: &Path, max_bytes: u64, report: &Report) -> Result<String,
     if !metadata.is_file() {
         return Err(unreadable(open::not_a_file(path)));
     }
-    let file = open::without_waiting(path).map_err(|error| unreadable(error.to_string()))?;
+    let file = os::without_waiting(path).map_err(|error| unreadable(error.to_string()))?;
     let mut bytes = Vec::new();
     // One byte over the limit detects a file that is larger, also one that grew after `metadata`.
     file.take(max_bytes + 1).read_to_end(&mut bytes).map_err(|error| unreadable(error.to_string()))?;

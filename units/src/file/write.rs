@@ -1,8 +1,7 @@
 //! Writing files so that an error leaves what was there.
 
-use std::fs::Permissions;
+use super::os::partial_file;
 use std::io::{self, BufWriter, Write};
-use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 
 /// Writes a file whole or not at all: under another name in its folder, which replaces the old file when it
@@ -23,8 +22,7 @@ pub fn write_whole<E: From<io::Error>>(
         return Ok(output.flush()?);
     }
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    // Temporary files are private by default; these are as the user's other files.
-    let file = tempfile::Builder::new().permissions(Permissions::from_mode(0o666)).tempfile_in(folder)?;
+    let file = partial_file().tempfile_in(folder)?;
     if let Some(old) = old {
         file.as_file().set_permissions(old.permissions())?;
     }
@@ -45,7 +43,7 @@ pub fn write_new(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<(
         return Err(io::ErrorKind::AlreadyExists.into());
     }
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let file = tempfile::Builder::new().permissions(Permissions::from_mode(0o666)).tempfile_in(folder)?;
+    let file = partial_file().tempfile_in(folder)?;
     let mut output = BufWriter::new(file);
     write(&mut output)?;
     let file = output.into_inner().map_err(io::IntoInnerError::into_error)?;
@@ -91,9 +89,12 @@ mod tests {
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 
+    #[cfg(unix)]
     #[test]
     fn links_and_permissions_stay() {
         let folder = tempfile::tempdir().unwrap();
+        use std::fs::Permissions;
+        use std::os::unix::fs::PermissionsExt;
         let (path, link) = (folder.path().join("file"), folder.path().join("link"));
         fs::write(&path, "old").unwrap();
         fs::set_permissions(&path, Permissions::from_mode(0o640)).unwrap();

@@ -4,9 +4,9 @@ use super::super::CommandResult;
 use super::super::picture::write_file;
 use super::super::snapshot;
 use smaclite_scenarios::Scenario;
+use smaclite_units::file::os::{partial_file, partial_folder};
 use smaclite_view::{Moment, Options, Picture, Renderer, write_apng, write_gif};
 use std::io::{ErrorKind, Write};
-use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
@@ -91,8 +91,7 @@ fn write_folder(folder: &Path, frames: impl ExactSizeIterator<Item = Picture>) -
     }
     // Whole or not at all: in another folder, which gets the name at the end.
     let parent = folder.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let permissions = std::fs::Permissions::from_mode(0o777);
-    let partial = tempfile::Builder::new().permissions(permissions).tempdir_in(parent).map_err(failed)?;
+    let partial = partial_folder().tempdir_in(parent).map_err(failed)?;
     let digits = frames.len().to_string().len();
     for (i, frame) in frames.enumerate() {
         let file = partial.path().join(format!("{i:0digits$}.png"));
@@ -111,8 +110,7 @@ fn write_mp4(to: &Path, options: Options, frames: impl Iterator<Item = Picture>,
     // Players need yuv420p, and that needs even sides.
     command.args(["-i", "-", "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p", "-y"]);
     let folder = to.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let permissions = std::fs::Permissions::from_mode(0o666);
-    let partial = tempfile::Builder::new().suffix(".mp4").permissions(permissions).tempfile_in(folder);
+    let partial = partial_file().suffix(".mp4").tempfile_in(folder);
     let partial = partial.map_err(|error| format!("{}: {error}", to.display()))?.into_temp_path();
     let mut file = std::ffi::OsString::from("file:"); // a name with a colon or a dash is a name
     file.push(&partial);

@@ -2,12 +2,12 @@
 //! up the file descriptors of this one, and does not keep others out: a connection that does not show the
 //! token in time is closed, and the oldest of those at once where a new one needs its place.
 
+use crate::os;
 use axum::extract::connect_info::Connected;
 use axum::serve::{IncomingStream, Listener};
 use std::collections::VecDeque;
 use std::io;
 use std::net::{Shutdown, SocketAddr};
-use std::os::fd::AsFd;
 use std::pin::Pin;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Weak};
@@ -39,8 +39,10 @@ struct Visit {
 
 impl Visitor {
     fn new(stream: &TcpStream) -> io::Result<Visitor> {
-        let stream = std::net::TcpStream::from(stream.as_fd().try_clone_to_owned()?);
-        Ok(Visitor(Arc::new(Visit { stream, has_shown_token: AtomicBool::new(false) })))
+        Ok(Visitor(Arc::new(Visit {
+            stream: os::clone_of(stream)?,
+            has_shown_token: AtomicBool::new(false),
+        })))
     }
 
     /// From now on the connection stays open.

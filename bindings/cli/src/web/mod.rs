@@ -16,6 +16,7 @@ pub(crate) use page::{Closed, Page};
 
 use crate::CommandResult;
 use crate::number::whole;
+use crate::os;
 use axum::Router;
 use axum::extract::ws::WebSocketUpgrade;
 use axum::extract::{FromRequestParts, State};
@@ -30,13 +31,11 @@ use guard::Guard;
 use std::fs::File;
 use std::io::Write;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
-use std::os::unix::fs::OpenOptionsExt;
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::time::Duration;
 use tokio::runtime;
-use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::{Semaphore, watch};
 use tokio::time::timeout;
 
@@ -113,8 +112,7 @@ async fn serve_until_signal(
     url: &str,
     options: &ServeOptions,
 ) -> CommandResult {
-    let mut interrupted = signal(SignalKind::interrupt())?;
-    let mut terminated = signal(SignalKind::terminate())?;
+    let stopped = os::stopped()?;
     let listener = Connections::new(tokio::net::TcpListener::from_std(listener)?);
     out!("{url}")?;
     if !options.host.is_loopback() {
@@ -124,8 +122,7 @@ async fn serve_until_signal(
     let _opened = options.open.then(|| open_in_browser(url));
     tokio::select! {
         served = axum::serve(listener, service) => Ok(served?),
-        _ = interrupted.recv() => Ok(()),
-        _ = terminated.recv() => Ok(()),
+        () = stopped => Ok(()),
     }
 }
 
@@ -183,9 +180,8 @@ fn token() -> Result<String, Box<dyn std::error::Error>> {
 
 /// 128 random bits of the operating system, as hexadecimal digits.
 fn random_token() -> std::io::Result<String> {
-    use rustix::rand::{GetRandomFlags, getrandom};
     let mut bytes = [0u8; 16];
-    getrandom(&mut bytes[..], GetRandomFlags::empty())?; // up to 256 bytes are never cut short
+    getrandom::fill(&mut bytes)?;
     Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
@@ -212,7 +208,7 @@ fn open_in_browser(url: &str) -> Option<Redirect> {
 
 fn write_redirect(url: &str) -> std::io::Result<Redirect> {
     let path = std::env::temp_dir().join(format!("smaclite-pool-{}.html", random_token()?));
-    let mut file: File = File::options().write(true).create_new(true).mode(0o600).open(&path)?;
+    let mut file: File = os::private_file().create_new(true).open(&path)?;
     let redirect = Redirect(path);
     let page = "<!doctype html><title>smaclite-pool</title><meta http-equiv=\"refresh\" content=\"0;url=";
     write!(file, "{page}{url}\">")?;

@@ -5,9 +5,9 @@ use super::arrays::{ArrayName, PerRow};
 use super::chunk::{Chunk, Wanted};
 use super::{Dataset, DatasetError};
 use smaclite_pool::fields::Dtype;
-use std::fs::{File, Permissions};
+use smaclite_units::file::os::{partial_folder, write_all_at};
+use std::fs::File;
 use std::io;
-use std::os::unix::fs::{FileExt, PermissionsExt};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
@@ -26,14 +26,12 @@ impl Files {
         }
         let failed = |error| DatasetError::Io { file: folder.display().to_string(), error };
         let parent = folder.parent().filter(|parent| !parent.as_os_str().is_empty());
-        let permissions = Permissions::from_mode(0o777); // as the user's other folders
-        let mut builder = tempfile::Builder::new();
-        let partial = builder.permissions(permissions).tempdir_in(parent.unwrap_or(Path::new(".")));
+        let partial = partial_folder().tempdir_in(parent.unwrap_or(Path::new(".")));
         let partial = partial.map_err(failed)?;
         let names = ArrayName::ALL.into_iter().filter(|array| wanted[*array as usize]);
         let create = |array: ArrayName| {
             let file = File::create(partial.path().join(file_name(array)))?;
-            file.write_all_at(&header(array, dataset), 0)?;
+            write_all_at(&file, &header(array, dataset), 0)?;
             // Its size from the beginning, so that a file without steps is one, too.
             file.set_len((HEADER + n_rows(array, dataset) * row_bytes(array, dataset)) as u64)?;
             Ok(file)
@@ -54,7 +52,7 @@ impl Files {
                 PerRow::Episode => chunk.episodes.clone(),
             };
             let offset = HEADER + rows.start * row_bytes(*array, dataset);
-            file.write_all_at(chunk.bytes(dataset, *array), offset as u64)
+            write_all_at(file, chunk.bytes(dataset, *array), offset as u64)
                 .map_err(|error| failed_array(&self.folder, *array, error))?;
         }
         Ok(())

@@ -13,7 +13,6 @@ use crate::team::Network;
 use crate::tensors::{FileError, read_text, remove};
 use std::fs::{self, OpenOptions};
 use std::io::{self, Write};
-use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
 
 /// Names of the files.
@@ -217,7 +216,7 @@ fn weights_in(folder: &Path) -> Result<Vec<PathBuf>, FileError> {
     };
     let paths = entries.map(|entry| entry.map(|entry| entry.path()).map_err(error));
     let is_incomplete =
-        |path: &Path| path.file_name().is_some_and(|name| name.as_bytes().starts_with(b".tmp"));
+        |path: &Path| path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b".tmp"));
     let is_ours = |path: &PathBuf| steps_of(path).is_some() || is_incomplete(path);
     paths.filter(|path| path.as_ref().map_or(true, is_ours)).collect()
 }

@@ -4,8 +4,9 @@
 //! The folder has mode 0700, so other users can neither list nor open its files. Its name ends with a random
 //! suffix, so that they cannot create it beforehand; the suffix is the content of the locked file.
 
+use super::files::{is_file_at, lock_file, owner_and_mode};
 use crate::process_owned::ProcessOwned;
-use crate::runtime_dir::{RuntimeDir, is_file_at, lock_file, owner_and_mode};
+use crate::runtime_dir::RuntimeDir;
 use iceoryx2::prelude::{Config, Path as IceoryxPath, SemanticString};
 use rustix::fs::{FlockOperation, flock};
 use rustix::io::Errno;

@@ -8,7 +8,7 @@
 
 #![allow(unsafe_code)] // maps memory, and implements unsafe functions of iceoryx2's traits
 
-use crate::error::note;
+use crate::os::shortage::note;
 use iceoryx2::prelude::{FileName, ZeroCopySend};
 use iceoryx2_bb_elementary::bump_allocator::BumpAllocator;
 use iceoryx2_bb_elementary::package_version::PackageVersion;
@@ -40,7 +40,7 @@ type Configuration<T> = <file::Storage<T> as NamedConceptMgmt>::Configuration;
 /// Bytes that are reserved at the creation, which must not take long: milliseconds.
 const RESERVED_AT_ONCE: u64 = 8 << 20;
 
-/// The mode of a file that is being initialised; then it is [`PRIVATE`](crate::runtime_dir::PRIVATE).
+/// The mode of a file that is being initialised; then it is [`PRIVATE`](crate::os::files::PRIVATE).
 const UNFINISHED: Mode = Mode::WUSR;
 
 /// A value in shared memory, which its creator initialises.
@@ -209,7 +209,7 @@ impl<T: Send + Sync + Debug + ZeroCopySend> Builder<'_, T> {
             return Err(DynamicStorageCreateError::InitializationFailed);
         }
         content.version.store(PackageVersion::get().to_u64(), Ordering::SeqCst);
-        fchmod(file, Mode::from_raw_mode(crate::runtime_dir::PRIVATE)).map_err(failed)?;
+        fchmod(file, Mode::from_raw_mode(crate::os::files::PRIVATE)).map_err(failed)?;
         let (name, path, is_owner) = (self.name, path.to_owned(), AtomicBool::new(self.is_owner));
         Ok(Storage { memory, name, path, is_owner, _value: PhantomData })
     }

@@ -4,7 +4,7 @@
 #![allow(unsafe_code)] // implements unsafe functions of iceoryx2's traits
 
 use super::mapped_file::{create_exclusive, path_for};
-use crate::error::note;
+use crate::os::shortage::note;
 use iceoryx2::prelude::FileName;
 use iceoryx2_bb_elementary_traits::testing::abandonable::Abandonable;
 use iceoryx2_cal::named_concept::{

@@ -1,9 +1,8 @@
 //! The lock by which one process at a time has a pool's name.
 
-use super::error::{StartError, system};
-use crate::control::client::process_of;
+use super::files::{is_file_at, lock_file};
 use crate::process_owned::ProcessOwned;
-use crate::runtime_dir::{RuntimeDir, is_file_at, lock_file};
+use crate::runtime_dir::RuntimeDir;
 use rustix::fs::{FlockOperation, flock};
 use std::fs::File;
 use std::path::PathBuf;
@@ -18,14 +17,6 @@ pub(crate) struct NameLock {
 struct PoolFiles([PathBuf; 2]);
 
 impl NameLock {
-    pub(super) fn acquire(runtime_dir: &RuntimeDir, name: &str) -> Result<NameLock, StartError> {
-        let lock = NameLock::try_take(runtime_dir, name).map_err(system("opening the pool's lock"))?;
-        lock.ok_or_else(|| StartError::NameTaken {
-            pool: name.to_owned(),
-            pid: process_of(runtime_dir, name),
-        })
-    }
-
     /// `None` if another process has it.
     pub(crate) fn try_take(runtime_dir: &RuntimeDir, name: &str) -> std::io::Result<Option<NameLock>> {
         let path = runtime_dir.lock(name);

@@ -1,0 +1,84 @@
+//! Windows.
+
+use signal_hook::consts::{SIGINT, SIGTERM};
+use std::fs::OpenOptions;
+use std::io::Result;
+use std::os::windows::io::AsSocket;
+use std::process::Child;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+/// How often a wait for a signal looks.
+const LOOKED_FOR: Duration = Duration::from_millis(50);
+
+/// There is no limit to raise.
+pub(crate) fn use_all_descriptors() {}
+
+/// Writing to a full disk is an error.
+pub(crate) fn report_large_files() {}
+
+/// Ctrl-C and SIGTERM, which no longer end the program.
+pub(crate) struct StopSignals(Arc<AtomicBool>);
+
+impl StopSignals {
+    pub fn new() -> Result<StopSignals> {
+        let come = Arc::<AtomicBool>::default();
+        for signal in [SIGINT, SIGTERM] {
+            signal_hook::flag::register(signal, Arc::clone(&come))?;
+        }
+        Ok(StopSignals(come))
+    }
+
+    /// Whether one has come.
+    pub fn has_come(&mut self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+
+    /// Blocks until one comes.
+    pub fn wait(&mut self) {
+        while !self.has_come() {
+            std::thread::sleep(LOOKED_FOR);
+        }
+    }
+}
+
+/// Ends when Ctrl-C comes, which no longer ends the program once this was called.
+pub(crate) fn stopped() -> Result<impl Future<Output = ()>> {
+    let mut interrupted = tokio::signal::windows::ctrl_c()?;
+    Ok(async move {
+        interrupted.recv().await;
+    })
+}
+
+/// Ends a process.
+pub(crate) fn end(child: &mut Child) {
+    let _ = child.kill();
+}
+
+/// To write a file in a folder of this user.
+pub(crate) fn private_file() -> OpenOptions {
+    let mut options = OpenOptions::new();
+    options.write(true);
+    options
+}
+
+/// Another handle of a connection.
+pub(crate) fn clone_of(stream: &tokio::net::TcpStream) -> Result<std::net::TcpStream> {
+    Ok(std::net::TcpStream::from(stream.as_socket().try_clone_to_owned()?))
+}
+
+/// The system and the machine.
+pub(crate) fn kernel() -> Option<String> {
+    Some(format!("{} {}", std::env::consts::OS, std::env::consts::ARCH))
+}
+
+/// The limits of this process on open files and on address space: none.
+pub(crate) fn limits() -> [Option<String>; 2] {
+    [None, None]
+}
+
+/// The bytes of a file system, and how many of them are free: not known.
+pub(crate) fn room(_folder: &str) -> Option<[u64; 2]> {
+    None
+}

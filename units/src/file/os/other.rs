@@ -1,0 +1,46 @@
+//! Files of Windows, and of browsers, which have none: there all of this is an error.
+
+use std::fs::File;
+use std::io;
+use std::path::Path;
+
+/// Opens a file for reads.
+pub(in crate::file) fn without_waiting(path: &Path) -> io::Result<File> {
+    File::open(path)
+}
+
+/// What makes a file that gets its final name when it is complete.
+#[cfg(windows)]
+pub fn partial_file<'a>() -> tempfile::Builder<'a, 'a> {
+    tempfile::Builder::new()
+}
+
+/// The same of a folder.
+#[cfg(windows)]
+pub fn partial_folder<'a>() -> tempfile::Builder<'a, 'a> {
+    tempfile::Builder::new()
+}
+
+/// Writes bytes to a place of a file, to which other threads may write at other places.
+///
+/// # Errors
+/// Those of the system.
+#[cfg(windows)]
+pub fn write_all_at(file: &File, mut bytes: &[u8], mut offset: u64) -> io::Result<()> {
+    while !bytes.is_empty() {
+        match std::os::windows::fs::FileExt::seek_write(file, bytes, offset)? {
+            0 => return Err(io::ErrorKind::WriteZero.into()),
+            written => (bytes, offset) = (&bytes[written..], offset + written as u64),
+        }
+    }
+    Ok(())
+}
+
+/// What a process locks that uses a folder: a file in it, since folders cannot be locked here.
+///
+/// # Errors
+/// Those of the system.
+#[cfg(windows)]
+pub fn to_lock(folder: &Path) -> io::Result<File> {
+    File::options().create(true).truncate(false).write(true).open(folder.join("in-use.lock"))
+}
