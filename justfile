@@ -233,16 +233,15 @@ wheels *processors="x86_64 aarch64": _venv
 
 # Compare the Windows program under Wine with that of this system, to the bit (Debian: apt install wine gcc-mingw-w64-x86-64-posix)
 windows: build
-    @# The standard library of rustup, or the sources of Debian's and the compiler that belongs to them.
-    target=x86_64-pc-windows-gnu; export CARGO_TARGET_X86_64_PC_WINDOWS_GNU_LINKER=x86_64-w64-mingw32-gcc-posix; \
-    if test -d "$("${RUSTC:-rustc}" --print target-libdir --target $target)"; then \
-        cargo build --release --quiet --bin smaclite-pool --target $target; \
-    else \
-        RUSTC_BOOTSTRAP=1 RUSTC=/usr/bin/rustc /usr/bin/cargo build --release --quiet --bin smaclite-pool --target $target \
-            -Zbuild-std=std,panic_unwind --target-dir target/windows; \
-    fi
-    {{ python }} tests/windows.py {{ program }} \
-        $(ls target/windows/x86_64-pc-windows-gnu/release/smaclite-pool.exe target/x86_64-pc-windows-gnu/release/smaclite-pool.exe 2>/dev/null | head -n 1)
+    @# With the standard library of rustup, or with the sources of Debian's and the compiler that belongs to them.
+    export CARGO_TARGET_X86_64_PC_WINDOWS_GNU_LINKER=x86_64-w64-mingw32-gcc-posix; \
+    if test ! -d "$("${RUSTC:-rustc}" --print target-libdir --target {{ for_windows }})"; then \
+        export RUSTC_BOOTSTRAP=1 RUSTC=/usr/bin/rustc CARGO=/usr/bin/cargo CARGO_UNSTABLE_BUILD_STD=std,panic_unwind; \
+    fi; \
+    "${CARGO:-cargo}" build --release --quiet --bin smaclite-pool --target {{ for_windows }} --target-dir target/windows
+    {{ python }} tests/windows.py {{ program }} target/windows/{{ for_windows }}/release/smaclite-pool.exe
+
+for_windows := "x86_64-pc-windows-gnu"
 
 # Print what CHANGELOG.md says of a version, which must be Cargo.toml's: the notes of a release
 release-notes version:

@@ -1,10 +1,11 @@
 """Runs the Windows program under Wine and the program of this system side by side: `just windows`.
 
-Both must print the same and write the same bytes: replays of all standard scenarios under two rule sets, a picture and
-messages. A team that is trained must come to an end; its bits are those of the system, whose logarithms differ.
+Both must print the same and write the same bytes: replays of all standard scenarios under two rule sets, a
+picture and messages. A team that is trained must come to an end; its bits are those of the system, whose
+logarithms differ.
 
-Wine before version 9 lacks a function by which Rust's standard library gets random bits; a library of one function
-stands in for it.
+Wine before version 9 lacks a function by which Rust's standard library gets random bits; a library of one
+function stands in for it.
 """
 
 from __future__ import annotations

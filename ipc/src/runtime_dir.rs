@@ -60,8 +60,8 @@ pub enum RuntimeDirError {
 }
 
 impl RuntimeDir {
-    /// `$SMACLITE_POOL_ROOT`, else `/tmp/smaclite-pool-<uid>` (`smaclite-pool` in the user's folder of temporary
-    /// files where the system is not Linux); created, private to this user, if it does not exist.
+    /// `$SMACLITE_POOL_ROOT`, else `/tmp/smaclite-pool-<uid>`, or on other systems than Linux `smaclite-pool`
+    /// in the user's folder of temporary files; created, private to this user, if it does not exist.
     pub fn for_current_user() -> Result<RuntimeDir, RuntimeDirError> {
         RuntimeDir::at(std::env::var_os(ROOT_VARIABLE).map_or_else(files::default_root, PathBuf::from))
     }

@@ -127,7 +127,8 @@ pub struct RequestHeader {
     pub has_seed: u32,
     /// 0 = of a learner of the whole lane, 1 = of that of the allies, 2 = of that of the enemies.
     pub side: u32,
-    /// When it was sent, by [`now_ns`]. Only the statistics of `status` depend on it.
+    /// When it was sent, in nanoseconds by a clock that both ends share. Only the statistics of `status`
+    /// depend on it.
     pub sent_ns: u64,
 }
 

@@ -81,7 +81,7 @@ enum Role {
     Follower(usize, Followed),
 }
 
-/// Serves until `stop` is shut down at the other end. `spare` is one of its own.
+/// Serves until `stop` is shut down at the other end. `spare` is given up where there is no other descriptor.
 pub(crate) fn serve(mut server: ControlServer, listener: Listener, stop: Stream, spare: Spare) {
     let mut connections: Vec<Connection> = Vec::new();
     let mut sessions = 0u64;
@@ -172,7 +172,7 @@ impl Connection {
         Some(Connection { stream, pid, process, received, unwritten, active, role })
     }
 
-    /// What happens to it.
+    /// What a wait for it looks at.
     fn waiting(&self) -> Waiting<'_> {
         let direction = if self.unwritten.is_empty() { Direction::Read } else { Direction::Write };
         Waiting { stream: &self.stream, direction, process: self.process.as_ref() }

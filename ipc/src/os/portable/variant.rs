@@ -1,7 +1,7 @@
 //! The variant of iceoryx2's services that pools use: the thread-safe one of one process, in its own memory.
 //!
-//! It differs from iceoryx2's own in its events, which wait by semaphores: those of iceoryx2 0.10 need a pair of
-//! Unix sockets, which Wine does not have, and two file descriptors each.
+//! It differs from iceoryx2's own in its events, which wait by semaphores: those of iceoryx2 0.10 need a pair
+//! of Unix sockets, which Wine does not have.
 
 use iceoryx2::prelude::{Service, ZeroCopySend, local_threadsafe};
 use iceoryx2::service::internal::ServiceInternal;
