@@ -18,6 +18,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 pub const SERVES_OTHER_PROCESSES: bool = true;
 
 /// Nanoseconds by the clock that all processes of a machine share (`CLOCK_MONOTONIC`).
+#[inline]
 pub(crate) fn now_ns() -> u64 {
     let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
@@ -25,6 +26,7 @@ pub(crate) fn now_ns() -> u64 {
 
 /// The id of this process. To ask the kernel each time would take a tenth of a lane's round trip. A child is
 /// noticed if it was made by libc's `fork`, as Python's are.
+#[inline]
 pub(crate) fn process_id() -> u32 {
     /// 0 until the handler is registered.
     static ID: AtomicU32 = AtomicU32::new(0);
