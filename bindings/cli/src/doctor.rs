@@ -130,7 +130,10 @@ fn facts(host: &[HostVersion], runtime_dir: Option<&RuntimeDir>) -> Vec<(&'stati
         ("kernel", os::kernel()),
         ("distribution", field("/etc/os-release", "PRETTY_NAME=").map(|name| name.replace('"', ""))),
         ("container", container()),
-        ("namespaces", Some(["pid", "ipc", "mnt", "user"].map(namespace).join(", "))),
+        (
+            "namespaces",
+            SERVES_OTHER_PROCESSES.then(|| ["pid", "ipc", "mnt", "user"].map(namespace).join(", ")),
+        ),
         ("processor", field("/proc/cpuinfo", "model name")),
         ("usable cores", Some(cores.to_string())),
         ("memory", field("/proc/meminfo", "MemTotal")),

@@ -6,8 +6,8 @@ use super::protocol::{
 };
 use crate::error::remedy;
 use crate::name::{NameError, check_name};
-use crate::os::SERVES_OTHER_PROCESSES;
-use crate::os::socket::{self, Direction, Process, Stream, has_ended, is_ready, watch_process};
+use crate::os::socket::{self, Process, Stream, has_ended, is_ready, watch_process};
+use crate::os::{Direction, SERVES_OTHER_PROCESSES};
 use crate::runtime_dir::RuntimeDir;
 pub(crate) use crate::wait_options::RESPONSE_TIMEOUT;
 use crate::wait_options::WaitOptions;

@@ -9,9 +9,8 @@ use super::served_lane::{AttachedLearner, ServedLane};
 use crate::CHECK_INTERVAL;
 use crate::connections::{LanePorts, PeerPorts};
 use crate::error::remedy;
-use crate::os::socket::{
-    Direction, Listener, Process, Spare, Stream, Waiting, has_ended, peer_of, wait, watch_process,
-};
+use crate::os::Direction;
+use crate::os::socket::{Listener, Process, Spare, Stream, Waiting, has_ended, peer_of, wait, watch_process};
 use crate::services::{IpcNode, LaneServices, WorkEvent};
 use crate::transport::Iceoryx;
 use smaclite_engine::Faction;

@@ -12,6 +12,21 @@ mod portable;
 #[cfg(any(not(target_os = "linux"), smaclite_portable))]
 pub use portable::*;
 
+/// What a wait for a control connection is for.
+#[derive(Clone, Copy)]
+pub(crate) enum Direction {
+    Read,
+    Write,
+}
+
+/// What a wait for control connections found.
+pub(crate) struct Ready {
+    pub(crate) stop: bool,
+    pub(crate) listener: bool,
+    /// By their order, ascending.
+    pub(crate) connections: Vec<usize>,
+}
+
 /// Its tests run on every system.
 #[cfg(all(test, target_os = "linux", not(smaclite_portable)))]
 #[allow(dead_code)]

@@ -8,7 +8,6 @@ mod hint;
 mod json;
 mod key;
 mod node;
-mod open;
 pub mod os;
 mod problem;
 mod shown;
@@ -45,7 +44,7 @@ pub fn read_text(path: &Path, max_bytes: u64, report: &Report) -> Result<String,
     let unreadable = |reason: String| report.add_unreadable(shown_path(path), without_os_errors(&reason));
     let metadata = std::fs::metadata(path).map_err(|error| unreadable(error.to_string()))?;
     if !metadata.is_file() {
-        return Err(unreadable(open::not_a_file(path)));
+        return Err(unreadable(not_a_file(path)));
     }
     let file = os::without_waiting(path).map_err(|error| unreadable(error.to_string()))?;
     let mut bytes = Vec::new();
@@ -68,5 +67,15 @@ fn other_kind(path: &Path) -> Option<String> {
         Some("snapshot") => is("a snapshot", "see it by `smaclite-pool show`, and restore it by `restore`"),
         Some("safetensors") => is("the weights of a team", "load the folder by `smaclite_pool.load_team`"),
         _ => None,
+    }
+}
+
+/// What a path is that is not a file.
+fn not_a_file(path: &Path) -> String {
+    let is_run = path.join("run.json").is_file();
+    match path.is_dir() {
+        true if is_run => "it is the folder of a run of `smaclite-pool train`, not a file".into(),
+        true => "it is a folder, not a file".into(),
+        false => "it is not a regular file".into(),
     }
 }

@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 /// How often a wait for a signal looks.
-const LOOKED_FOR: Duration = Duration::from_millis(50);
+const LOOK_INTERVAL: Duration = Duration::from_millis(50);
 
 /// There is no limit to raise.
 pub(crate) fn use_all_descriptors() {}
@@ -38,7 +38,7 @@ impl StopSignals {
     /// Blocks until one comes.
     pub fn wait(&mut self) {
         while !self.has_come() {
-            std::thread::sleep(LOOKED_FOR);
+            std::thread::sleep(LOOK_INTERVAL);
         }
     }
 }

@@ -1,8 +1,7 @@
 //! Linux: other processes attach to pools.
 
-#![allow(unsafe_code)] // how a forked child learns that it is one
-
 pub(crate) mod files;
+mod fork;
 pub(crate) mod memory;
 mod name_lock;
 pub(crate) mod shm_dir;
@@ -10,9 +9,8 @@ pub(crate) mod shortage;
 pub(crate) mod socket;
 pub(crate) mod variant;
 
+pub(crate) use fork::process_id;
 pub(crate) use name_lock::NameLock;
-use std::sync::Once;
-use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Whether other processes can attach to pools on this system: on Linux they can.
 pub const SERVES_OTHER_PROCESSES: bool = true;
@@ -22,31 +20,4 @@ pub const SERVES_OTHER_PROCESSES: bool = true;
 pub(crate) fn now_ns() -> u64 {
     let now = rustix::time::clock_gettime(rustix::time::ClockId::Monotonic);
     now.tv_sec as u64 * 1_000_000_000 + now.tv_nsec as u64
-}
-
-/// The id of this process. To ask the kernel each time would take a tenth of a lane's round trip. A child is
-/// noticed if it was made by libc's `fork`, as Python's are.
-#[inline]
-pub(crate) fn process_id() -> u32 {
-    /// 0 until the handler is registered.
-    static ID: AtomicU32 = AtomicU32::new(0);
-    static REGISTRATION: Once = Once::new();
-
-    extern "C" fn in_forked_child() {
-        ID.store(std::process::id(), Ordering::Relaxed);
-    }
-
-    let id = ID.load(Ordering::Relaxed);
-    if id != 0 {
-        return id;
-    }
-    REGISTRATION.call_once(|| {
-        // SAFETY: the handler only asks for the process's id and stores it in an atomic, both of which are
-        // allowed between a fork and the child's return from it.
-        let error = unsafe { nix::libc::pthread_atfork(None, None, Some(in_forked_child)) };
-        if error == 0 {
-            ID.store(std::process::id(), Ordering::Relaxed);
-        }
-    });
-    std::process::id()
 }

@@ -1,6 +1,7 @@
 //! Control sockets: Unix sockets in the runtime folder, and the ends of the processes behind them.
 
 use super::files::PRIVATE;
+use crate::os::{Direction, Ready};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{Mode, fchmod};
 use rustix::net::{AddressFamily, RecvFlags, SocketAddrUnix, SocketFlags, SocketType, bind, listen};
@@ -84,13 +85,6 @@ pub(crate) fn has_ended(process: &Process) -> bool {
     is_ready(process, Direction::Read, Duration::ZERO)
 }
 
-/// What a wait for a socket is for.
-#[derive(Clone, Copy)]
-pub(crate) enum Direction {
-    Read,
-    Write,
-}
-
 impl From<Direction> for PollFlags {
     fn from(direction: Direction) -> PollFlags {
         match direction {
@@ -124,14 +118,6 @@ pub(crate) struct Waiting<'a> {
     pub(crate) stream: &'a Stream,
     pub(crate) direction: Direction,
     pub(crate) process: Option<&'a Process>,
-}
-
-/// What [`wait`] found.
-pub(crate) struct Ready {
-    pub(crate) stop: bool,
-    pub(crate) listener: bool,
-    /// By their order, ascending.
-    pub(crate) connections: Vec<usize>,
 }
 
 /// Waits until something happens, for at most that long.

@@ -1,5 +1,6 @@
 //! Control connections within this process: bytes in memory, and who listens at which path.
 
+use crate::os::{Direction, Ready};
 use std::collections::{BTreeMap, VecDeque};
 use std::convert::Infallible;
 use std::io::{ErrorKind, Read, Result, Write};
@@ -188,13 +189,6 @@ pub(crate) fn has_ended(process: &Process) -> bool {
     match *process {}
 }
 
-/// What a wait for a connection is for.
-#[derive(Clone, Copy)]
-pub(crate) enum Direction {
-    Read,
-    Write,
-}
-
 /// Waits until a read or a write has something to do, for at most that long.
 pub(crate) fn is_ready(stream: &Stream, direction: Direction, within: Duration) -> bool {
     wait_for(within, || stream.can(direction).then_some(())).is_some()
@@ -211,14 +205,6 @@ pub(crate) struct Waiting<'a> {
     pub(crate) stream: &'a Stream,
     pub(crate) direction: Direction,
     pub(crate) process: Option<&'a Process>,
-}
-
-/// What [`wait`] found.
-pub(crate) struct Ready {
-    pub(crate) stop: bool,
-    pub(crate) listener: bool,
-    /// By their order, ascending.
-    pub(crate) connections: Vec<usize>,
 }
 
 /// Waits until something happens, for at most that long.
