@@ -265,23 +265,16 @@ pub fn actions<'py>(arg: &Bound<'py, PyAny>, num_envs: usize, n_actors: usize) -
 /// Actions as an int32 array that [`readable`] returned.
 pub struct Actions<'py>(Bound<'py, PyArrayDyn<i32>>);
 
-impl smaclite_ipc::Actions for Actions<'_> {
-    fn count(&self) -> usize {
-        self.0.len()
-    }
-
-    /// Copies them, row by row. A read-only borrow would allocate memory in each step.
+impl Actions<'_> {
+    /// Reads them, in row-major order. A read-only borrow would allocate memory in each step.
     #[allow(unsafe_code)]
-    fn write_to(&mut self, out: &mut [i32]) {
+    pub fn read<R>(&self, read: impl FnOnce(&[i32]) -> R) -> R {
         // SAFETY: this type exists only while its thread is attached to the interpreter. Other code of this
         // module writes to arrays only while it is attached, so not at the same time. Whether Python code of
         // another thread does is that code's responsibility, as with any NumPy operation.
         let actions = unsafe { self.0.as_slice() };
-        match actions {
-            Ok(actions) if actions.len() == out.len() => out.copy_from_slice(actions),
-            // Only a finalizer that ran since the check can have changed the array. No unit has this action.
-            _ => out.fill(-1),
-        }
+        // Only a finalizer that ran since the check can have changed the array so. No request has so many.
+        read(actions.unwrap_or_default())
     }
 }
 

@@ -23,7 +23,6 @@ use crate::wait::{interruptible, run_on_thread, wait_detached};
 use numpy::{PyArray2, PyArray3, PyArrayDescr, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
-use smaclite_engine::Faction;
 use smaclite_ipc::{Client, ClientError, LaneDescription, Supervisor, WaitOptions, lane_scenario};
 use smaclite_pool::Rejection;
 use smaclite_pool::layout::Layout;
@@ -54,26 +53,19 @@ pub struct Envs {
     shared: Arc<SharedClient>,
     description: LaneDescription,
     layout: Layout,
-    side: Option<Faction>,
     /// Of an embedded pool.
     scenario: Option<Scenario>,
 }
 
 impl Envs {
-    /// The side of this learner, if the lane has a learner for each.
-    pub fn side_of_learner(&self) -> Option<Faction> {
-        self.side
-    }
-
     pub fn new(client: Client, embedded: Option<Embedded>, recording: Option<RecordingToFile>) -> Envs {
         let (description, layout) = (client.description().clone(), client.layout().clone());
-        let side = client.side();
         exit::end_at_exit(client.folder_use());
         let (supervisor, scenario) = embedded.map(|pool| (pool.supervisor, pool.scenario)).unzip();
         let shared = Arc::new(SharedClient::new(client, supervisor, recording));
         let weak = Arc::downgrade(&shared);
         exit::close_at_exit(weak);
-        Envs { shared, description, layout, side, scenario }
+        Envs { shared, description, layout, scenario }
     }
 
     pub fn lane_description(&self) -> &LaneDescription {
@@ -575,12 +567,6 @@ impl Envs {
     #[getter]
     fn state_size(&self) -> usize {
         self.description.sizes.state_size
-    }
-
-    /// The side of this learner, "allies" or "enemies", if the lane has a learner for each; else None.
-    #[getter]
-    fn side(&self) -> Option<&'static str> {
-        self.side.map(convert::side_name)
     }
 
     /// Which sides actions play: "allies" or "both".

@@ -37,7 +37,6 @@ exception_classes! {
     LaneTaken
     PoolDied
     LaneFailed
-    OtherLearnerLeft
     Timeout
     TooManyBatchesHeld
     Forked
@@ -67,13 +66,12 @@ pub fn client_error(error: ClientError) -> PyErr {
         | ClientError::NotInBatch { .. }
         | ClientError::NoMasks
         | ClientError::NoEnemyMasks
-        | ClientError::OneSide
         | ClientError::NoSnapshots
         | ClientError::WrongSnapshots { .. }
         | ClientError::NoLevels
         | ClientError::WrongLevels { .. }
         | ClientError::WrongForks { .. } => invalid_request(text),
-        ClientError::Timeout(_) | ClientError::OtherLearnerMissing { .. } => class::Timeout::new_err(text),
+        ClientError::Timeout(_) => class::Timeout::new_err(text),
         ClientError::PoolDied { .. } => class::PoolDied::new_err(text),
         ClientError::TooManyHeld { .. } => class::TooManyBatchesHeld::new_err(text),
         ClientError::Forked { .. } => class::Forked::new_err(text),
@@ -89,7 +87,7 @@ pub fn client_error(error: ClientError) -> PyErr {
 fn rejection_error(rejection: Rejection) -> PyErr {
     let text = rejection.to_string();
     match rejection {
-        Rejection::UnavailableAction { env, actor, action, available, .. } => {
+        Rejection::UnavailableAction { env, actor, action, available } => {
             let (agent, side) = match actor {
                 Actor::Agent(agent) => (agent, "allies"),
                 Actor::Enemy(enemy) => (enemy, "enemies"),
@@ -97,7 +95,6 @@ fn rejection_error(rejection: Rejection) -> PyErr {
             class::IllegalAction::new_err((text, env, agent, action, available, side))
         }
         Rejection::LaneFailed { .. } => class::LaneFailed::new_err(text),
-        Rejection::OtherLearnerLeft { .. } => class::OtherLearnerLeft::new_err(text),
         _ => invalid_request(text),
     }
 }

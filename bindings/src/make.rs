@@ -2,8 +2,7 @@
 //! pool.
 
 use crate::convert::{
-    IntArg, parse_option, string_list, timeout_seconds, to_duration, to_side, to_unsigned, translated,
-    type_name,
+    IntArg, parse_option, string_list, timeout_seconds, to_duration, to_unsigned, translated, type_name,
 };
 use crate::envs::{Embedded, Envs};
 use crate::errors::{self, invalid_request, shown};
@@ -18,7 +17,6 @@ use pyo3::exceptions::{PyTypeError, PyUserWarning};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping, PyString};
 use serde_json::Value;
-use smaclite_engine::policy::Tactic;
 use smaclite_engine::{BattleSetup, EnemySide, EpisodeLimit, OpponentsError, Rules, Sides};
 use smaclite_ipc::{
     Client, ConnectError, LaneConfig, RuntimeDir, Supervisor, SupervisorConfig, WaitOptions, WaitStrategy,
@@ -405,10 +403,6 @@ fn unique_name() -> String {
 ///     wait: how to wait for batches: "adaptive" (spin briefly, then block), "spin" or "block".
 ///     record: a file, `NAME.smreplay`, to which `close` writes a replay of the last 100 episodes of
 ///         environment 0, as for `make`.
-///     side: "allies" or "enemies", to be the learner of one side of a lane whose actions play both, while
-///         another learner, in any process, has the other side. See `docs/reference/both-sides.md`.
-///     on_leave: with `side`, the scripted policy that plays the other side when its learner leaves or dies:
-///         a name of the page "Scripted policies". None: this learner gets OtherLearnerLeft then.
 ///
 /// Raises:
 ///     NoSuchPool: no pool of that name is running.
@@ -419,11 +413,8 @@ fn unique_name() -> String {
 ///     ConnectError: the pool has no such lane, did not answer in time, or is of another release.
 ///     InvalidRequest: an argument is invalid.
 #[pyfunction]
-#[pyo3(signature = (pool=None, lane=None, *, timeout=0.0, wait="adaptive", record=None, side=None,
-    on_leave=None, **unknown))]
-#[pyo3(text_signature = "(pool, lane=None, *, timeout=0.0, wait='adaptive', record=None, side=None, \
-    on_leave=None)")]
-#[allow(clippy::too_many_arguments)] // keyword arguments in Python
+#[pyo3(signature = (pool=None, lane=None, *, timeout=0.0, wait="adaptive", record=None, **unknown))]
+#[pyo3(text_signature = "(pool, lane=None, *, timeout=0.0, wait='adaptive', record=None)")]
 pub fn connect(
     py: Python<'_>,
     pool: Option<String>,
@@ -431,31 +422,18 @@ pub fn connect(
     #[pyo3(from_py_with = timeout_seconds)] timeout: Option<f64>,
     wait: &str,
     record: Option<PathBuf>,
-    side: Option<&str>,
-    on_leave: Option<&str>,
     unknown: Option<Bound<'_, PyDict>>,
 ) -> PyResult<Envs> {
-    let valid = ["pool", "lane", "timeout", "wait", "record", "side", "on_leave"];
+    let valid = ["pool", "lane", "timeout", "wait", "record"];
     refuse_keywords(Place::Connect, "connect", unknown.as_ref(), &valid)?;
     let pool = required("connect", "pool", pool)?;
-    let side = side.map(to_side).transpose()?;
-    let on_leave = on_leave.map(Tactic::from_name).transpose().map_err(invalid_request)?;
-    if side.is_none() && on_leave.is_some() {
-        return Err(invalid_request("on_leave needs side, the side of this learner"));
-    }
     let (wait, timeout, runtime_dir) = (parse_option(wait)?, to_duration(timeout)?, runtime_dir()?);
     record.as_deref().map_or(Ok(()), |path| check_replay_path("record", path))?;
     let _pending = PendingCall::new()?;
     let client = run_on_thread(py, move |interrupted| {
         attach(&runtime_dir, record, interrupted, |interrupted| {
             let options = WaitOptions { timeout, interrupted };
-            let lane = lane.as_deref();
-            match side {
-                None => Client::connect_within(&runtime_dir, &pool, lane, wait, options),
-                Some(side) => {
-                    Client::connect_to_side(&runtime_dir, &pool, lane, side, on_leave, wait, options)
-                }
-            }
+            Client::connect_within(&runtime_dir, &pool, lane.as_deref(), wait, options)
         })
     })?;
     let (client, recording) = client.map_err(errors::connect_error)?;

@@ -35,8 +35,7 @@ fn fields(side: Faction) -> [Field; 2] {
 ///     seed: of `random`, from 0 to `2**64 - 1`; None for one of the seed of `envs` and the
 ///         side.
 ///     side: "allies", or "enemies" to choose the actions of the enemies, where actions play both sides; it
-///         needs the fields `enemy_state` and `enemy_avail_actions` then. For a learner of one side
-///         (`connect(side=...)`) it is that side.
+///         needs the fields `enemy_state` and `enemy_avail_actions` then.
 ///
 /// Raises:
 ///     InvalidRequest: the name or the side is unknown, the lane omits a field, or the seed is out of range.
@@ -71,11 +70,7 @@ impl ScriptedPolicy {
             None => envs.lane_description().settings.seed.rotate_left(32) ^ (1 + side as u64),
         };
         let scripted = Scripted::from_name(&name, seed).map_err(invalid_request)?;
-        // A learner of one side reads that side's fields by the names of the agents'.
-        let (side, fields) = match envs.side_of_learner() {
-            Some(own) => (own, fields(Faction::Ally)),
-            None => (side, fields(side)),
-        };
+        let fields = fields(side);
         if let Some(missing) = fields.into_iter().find(|field| envs.layout().offset(*field).is_none()) {
             if side == Faction::Enemy && envs.layout().sizes().enemies.is_none() {
                 return Err(invalid_request(

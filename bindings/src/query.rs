@@ -35,9 +35,7 @@ pub fn scenarios(generated: Option<bool>) -> Vec<&'static str> {
 ///     A dict with `pool` (name), `pid` (process id of the supervisor), `threads` (number of workers),
 ///         `uptime_s` (seconds), `shared_memory` (bytes reserved for batches) and `lanes`, a list of dicts,
 ///         each with `description` (as `Envs.description`), `learner_pid` (process id of the attached learner
-///         or None; of the allies, if each side has one), `enemy_learner_pid`, `missing_side` ("allies" or
-///         "enemies": the side whose learner has not come, while the other waits; or None), `spectators`
-///         (how many are attached), `stats` (`steps`, `episodes`, `wins`, `returns` (their sum), `frames`,
+///         or None), `spectators` (how many are attached), `stats` (`steps`, `episodes`, `wins`, `returns` (their sum), `frames`,
 ///         `rejected`, `accepted` and `waited_ns`, counted since the pool started),
 ///         `steps_per_s` and `queue_wait_us` (averages over the last second) and `failure` (error text of a
 ///         failed lane or None).

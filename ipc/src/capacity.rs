@@ -4,14 +4,15 @@
 
 use crate::wire::max_request_bytes;
 use serde::{Deserialize, Serialize};
-use smaclite_engine::Sides;
 use smaclite_pool::LaneSettings;
 use smaclite_pool::layout::Layout;
-use smaclite_pool::transport::MAX_AHEAD;
 
 /// Subscriptions of earlier learners that may last: of one that was killed, until its memory is reclaimed, or
 /// of one that is gone but whose process still holds frames. Each costs the memory of a learner's frames.
 const DEPARTED_LEARNERS: usize = 1;
+
+/// Requests of a learner that the supervisor holds at once: one, and one more.
+pub(crate) const REQUESTS_READ: usize = 2;
 
 /// iceoryx2 keeps this many bytes in front of every payload of a frame or request: its header and ours, on
 /// cache lines.
@@ -20,8 +21,6 @@ const CHUNK_OVERHEAD: usize = 192;
 /// How many frames and requests the memory of a lane has room for. Part of the lane's description.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Capacity {
-    /// Learners at once: 2 if each side can have one.
-    pub learners: usize,
     /// Frames that a learner may hold at once.
     pub max_held_batches: usize,
     /// Frames that can wait for the learner: all results of one request to every environment, and an error
@@ -39,7 +38,6 @@ impl Capacity {
     /// What a lane needs that at most `threads` threads write to at once.
     pub fn new(
         settings: &LaneSettings,
-        sides: Sides,
         threads: usize,
         max_held_batches: usize,
         spectators: usize,
@@ -50,9 +48,7 @@ impl Capacity {
         // epoch, or to the last slot of a full one. One more is for a rejection, and one is kept back to
         // report a failure.
         let writing = threads.min(num_envs);
-        let learners = if synchronous && sides.are_both() { 2 } else { 1 };
         Capacity {
-            learners,
             max_held_batches,
             frames_waiting: num_envs / batch_size + 1,
             frames_filling: if synchronous { writing + 2 } else { writing + 3 },
@@ -63,7 +59,7 @@ impl Capacity {
 
     /// Subscriptions to a lane's frames at once.
     pub(crate) fn subscriptions(&self) -> usize {
-        self.spectators + self.learners + DEPARTED_LEARNERS
+        self.spectators + 1 + DEPARTED_LEARNERS
     }
 
     /// Frames that can exist at once, as iceoryx2 counts them: whatever the subscribers hold back, there is
@@ -79,13 +75,7 @@ impl Capacity {
 
     /// Requests of a learner that can exist at once: one is being written, and some are being read.
     pub(crate) fn requests(&self) -> usize {
-        self.requests_waiting + 1 + self.requests_read()
-    }
-
-    /// Requests of a learner that the supervisor holds at once: one, or those of one side that wait for the
-    /// other side and a reset that waits, and one more.
-    pub(crate) fn requests_read(&self) -> usize {
-        if self.learners == 2 { MAX_AHEAD + 2 } else { 2 }
+        self.requests_waiting + 1 + REQUESTS_READ
     }
 
     /// Bytes of shared memory that a learner needs for its requests.

@@ -1,11 +1,11 @@
 //! The iceoryx2 services of a pool: their names, settings and sizes, and how each side opens them.
 //!
-//! A pool has one event that wakes its workers (`work`). Every lane has two data services: `frames`, which
+//! A pool has one event that wakes its server (`work`). Every lane has two data services: `frames`, which
 //! the supervisor publishes to a learner and spectators, with an event of the same name that wakes the
 //! learner; and `requests`, which the learner publishes to the supervisor. Names contain the supervisor's
 //! instance, so that a restarted pool never finds services that a learner still holds of its predecessor.
 
-use crate::capacity::Capacity;
+use crate::capacity::{Capacity, REQUESTS_READ};
 use crate::connection_failures::{Failures, PeerEnd};
 pub use crate::error::IpcError;
 pub(crate) use crate::error::doing;
@@ -90,7 +90,7 @@ fn service_name(instance: &str, lane: &str, what: &str) -> Result<ServiceName, I
     ServiceName::new(&format!("{instance}/{lane}/{what}")).map_err(doing("naming a service"))
 }
 
-/// The event that wakes a pool's workers.
+/// The event that wakes a pool's server.
 pub(crate) struct WorkEvent(event::PortFactory<Ipc>);
 
 impl WorkEvent {
@@ -150,13 +150,13 @@ fn create_requests(
 ) -> Result<RequestService, IpcError> {
     let builder = node.service_builder(name).publish_subscribe::<[u8]>().user_header::<RequestHeader>();
     builder
-        .max_publishers(capacity.learners + SLACK)
+        .max_publishers(1 + SLACK)
         .max_subscribers(1)
         .max_nodes(nodes)
         .subscriber_max_buffer_size(capacity.requests_waiting)
-        .subscriber_max_borrowed_samples(capacity.requests_read())
+        .subscriber_max_borrowed_samples(REQUESTS_READ)
         .history_size(0)
-        // A learner that sends faster than the workers accept must wait; a request is never dropped.
+        // A learner that sends faster than the server accepts must wait; a request is never dropped.
         .enable_safe_overflow(false)
         .create()
         .map_err(doing("creating a lane's request service"))
@@ -176,11 +176,10 @@ impl LaneServices {
         lane: &str,
         capacity: Capacity,
     ) -> Result<Self, IpcError> {
-        let nodes = capacity.spectators + 1 + capacity.learners + SLACK;
+        let nodes = capacity.spectators + 2 + SLACK;
         let frames_name = service_name(instance, lane, "frames")?;
         let frames = create_frames(node, &frames_name, nodes, capacity)?;
-        let frames_event =
-            node.service_builder(&frames_name).event().max_listeners(capacity.learners + SLACK);
+        let frames_event = node.service_builder(&frames_name).event().max_listeners(1 + SLACK);
         let frames_event = frames_event.max_notifiers(1).max_nodes(nodes).create();
         let frames_event = frames_event.map_err(doing("creating a lane's frame event"))?;
         let requests = create_requests(node, &service_name(instance, lane, "requests")?, nodes, capacity)?;

@@ -137,7 +137,7 @@ fn boxed(error: IpcError) -> TransportError {
     TransportError(Box::new(error))
 }
 
-/// Wakes the worker that polls the lanes for requests.
+/// Wakes the server, which receives the requests of all lanes.
 pub(crate) struct WorkBell {
     pub(crate) listener: IpcListener,
     pub(crate) notifier: IpcNotifier,

@@ -5,7 +5,6 @@
 
 use crate::os::now_ns;
 use iceoryx2::prelude::ZeroCopySend;
-use smaclite_engine::Faction;
 use smaclite_pool::Rejection;
 use smaclite_pool::layout::{BLOCK_ALIGN, FORMAT_VERSION, Layout};
 use smaclite_pool::transport::{Epoch, Request, RequestKind, RequestNumber, SessionId};
@@ -38,8 +37,7 @@ pub struct FrameHeader {
     pub slots: u32,
     /// 0 = a batch; otherwise the length of a JSON rejection at the payload's start.
     pub rejection_len: u32,
-    /// The refused request, if this is a rejection; 0 reports that the lane failed, or that the session ended
-    /// because the learner of the other side left.
+    /// The refused request, if this is a rejection; 0 reports that the lane failed.
     pub request: u64,
 }
 
@@ -50,8 +48,7 @@ pub enum ReceivedFrame {
     Batch,
     /// A request was refused.
     Rejection {
-        /// Its number; `None` reports that the lane failed, or that the session ended because the learner of
-        /// the other side left.
+        /// Its number; `None` reports that the lane failed.
         request: Option<RequestNumber>,
         /// Why.
         rejection: Rejection,
@@ -98,9 +95,6 @@ const RESTORE: u32 = 3;
 const FORK: u32 = 4;
 const RESET_TO: u32 = 5;
 
-const ALLIES: u32 = 1;
-const ENEMIES: u32 = 2;
-
 /// Precedes every request.
 #[repr(C)]
 #[repr(align(64))]
@@ -124,9 +118,7 @@ pub struct RequestHeader {
     /// Seed of environment 0, if there is one; environment i gets this + i.
     pub seed: u64,
     /// 0 = there is no seed.
-    pub has_seed: u32,
-    /// 0 = of a learner of the whole lane, 1 = of that of the allies, 2 = of that of the enemies.
-    pub side: u32,
+    pub has_seed: u64,
     /// When it was sent, in nanoseconds by a clock that both ends share. Only the statistics of `status`
     /// depend on it.
     pub sent_ns: u64,
@@ -137,7 +129,6 @@ impl RequestHeader {
     pub fn new(
         layout: &Layout,
         session: SessionId,
-        side: Option<Faction>,
         number: RequestNumber,
         kind: RequestKind,
         count: usize,
@@ -159,8 +150,7 @@ impl RequestHeader {
             kind,
             count: count as u32,
             seed: seed.unwrap_or_default(),
-            has_seed: u32::from(seed.is_some()),
-            side: side.map_or(0, |side| if side == Faction::Ally { ALLIES } else { ENEMIES }),
+            has_seed: u64::from(seed.is_some()),
             sent_ns,
         }
     }
@@ -229,7 +219,6 @@ pub(crate) fn read_once(header: &RequestHeader) -> RequestHeader {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReadRequest {
     session: SessionId,
-    side: Option<Faction>,
     number: RequestNumber,
     kind: RequestKind,
     count: usize,
@@ -239,10 +228,10 @@ pub struct ReadRequest {
 impl ReadRequest {
     /// The request, whose payload is the one that was given to [`read_request`], or one of its length.
     pub fn request<'a>(&self, payload: &'a [u8]) -> Request<'a> {
-        let ReadRequest { session, side, number, kind, count, .. } = *self;
+        let ReadRequest { session, number, kind, count, .. } = *self;
         let env_ids = as_atomics(&payload[..count * size_of::<i32>()]);
         let body = as_atomics(payload.get(body_offset(count)..).unwrap_or_default());
-        Request { session, side, number, kind, env_ids, body }
+        Request { session, number, kind, env_ids, body }
     }
 
     /// How long ago it was sent, at most a minute. Wrong if the sender lies.
@@ -273,25 +262,13 @@ pub fn read_request(
             )));
         }
     };
-    let side = match header.side {
-        0 => None,
-        ALLIES => Some(Faction::Ally),
-        ENEMIES => Some(Faction::Enemy),
-        other => return Err(malformed(format!("side must be 0, 1 (allies) or 2 (enemies), got {other}"))),
-    };
-    let bytes = match side {
-        None => request_bytes(layout, kind, count),
-        Some(_) if layout.sizes().enemies.is_none() => {
-            return Err(malformed("this lane has no learner per side".to_owned()));
-        }
-        Some(side) => request_bytes(&layout.of_side(side), kind, count),
-    };
+    let bytes = request_bytes(layout, kind, count);
     if count == 0 || payload.len() != bytes || !payload.as_ptr().cast::<i32>().is_aligned() {
         let given = payload.len();
         return Err(malformed(format!("expected {bytes} bytes for {count} environments, got {given}")));
     }
     let (session, number) = (SessionId(header.session), RequestNumber(header.number));
-    Ok(ReadRequest { session, side, number, kind, count, sent_ns: header.sent_ns })
+    Ok(ReadRequest { session, number, kind, count, sent_ns: header.sent_ns })
 }
 
 /// Views bytes as integers that another process may change at any time.
@@ -366,7 +343,7 @@ mod tests {
     #[test]
     fn lies_in_a_request_are_named() {
         let layout = layout();
-        let good = RequestHeader::new(&layout, SessionId(7), None, RequestNumber(1), RequestKind::Step, 4);
+        let good = RequestHeader::new(&layout, SessionId(7), RequestNumber(1), RequestKind::Step, 4);
         let aligned = [0u64; 64];
         let bytes: &[u8] = bytemuck::cast_slice(&aligned);
         let payload = &bytes[..request_bytes(&layout, RequestKind::Step, 4)];

@@ -313,25 +313,6 @@ impl Field {
         self as usize >= Field::EnemyObs as usize
     }
 
-    /// The field that the enemies' side has in the place of this one of the agents, if any.
-    pub(crate) const fn of_enemies(self) -> Option<Field> {
-        Some(match self {
-            Field::Obs => Field::EnemyObs,
-            Field::State => Field::EnemyState,
-            Field::AvailActions => Field::EnemyAvailActions,
-            Field::Alive => Field::EnemyAlive,
-            Field::Reward => Field::EnemyReward,
-            Field::RewardAgents => Field::EnemyRewardAgents,
-            Field::FinalObs => Field::FinalEnemyObs,
-            Field::FinalState => Field::FinalEnemyState,
-            Field::FinalAvailActions => Field::FinalEnemyAvailActions,
-            Field::DeadAllies => Field::DeadEnemies,
-            Field::DeadEnemies => Field::DeadAllies,
-            Field::BattleWon | Field::EpisodeReturn | Field::Snapshot | Field::Level => return None,
-            both => both,
-        })
-    }
-
     /// Whether a lane can omit the field. A learner always needs to know which environment a slot is, when
     /// its episode ends, and whether a step was made.
     pub const fn is_optional(self) -> bool {

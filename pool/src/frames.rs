@@ -39,8 +39,8 @@ pub(crate) struct Frames<O: Outlet> {
     opened: u64,
     /// `None` while the lane has no learner.
     epoch: Option<Epoch>,
-    /// Reserved for the report that the lane failed, whose cause may be that no frame is free, or that the
-    /// session ended, for which the control thread must not wait. Renewed for the next session.
+    /// Reserved for the report that the lane failed, whose cause may be that no frame is free. Renewed for the
+    /// next session.
     spare: Option<O::Loan>,
 }
 
@@ -121,8 +121,7 @@ impl<O: Outlet> Frames<O> {
         Ok(())
     }
 
-    /// Publishes why the session ends, or the lane failed. Each happens once per session, so there is a
-    /// frame: the reserved one, if no other is free.
+    /// Publishes why the lane failed, in the reserved frame if no other is free.
     pub(crate) fn report_end(&mut self, text: &[u8]) {
         let loan = self.outlet.loan().ok().or_else(|| self.spare.take());
         if let Some(loan) = loan {

@@ -8,7 +8,6 @@ use crate::joint_action::{JointAction, StepHook};
 use crate::lane_settings::LaneSpec;
 use crate::own_features::OwnFeatures;
 use crate::slot::Slot;
-use crate::stand_in::StandIn;
 use smaclite_engine::{Battle, Faction, Generator, RecordLayout, Scratch, Sizes, Snapshot, Step};
 use std::sync::Arc;
 
@@ -71,8 +70,6 @@ pub(crate) struct HostedEnv {
     staged: Option<Box<State>>,
     /// The level with which it begins at the next [`Task::ResetTo`]. Its memory is kept.
     level: Vec<f32>,
-    /// Who plays the side whose learner left.
-    stand_in: Option<Box<StandIn>>,
     /// The enemies, if a team plays them.
     enemies: Option<Box<EnemyPlayer>>,
 }
@@ -107,7 +104,6 @@ impl HostedEnv {
             record,
             staged: None,
             level: Vec::new(),
-            stand_in: None,
             enemies: spec.team.as_ref().map(|team| Box::new(EnemyPlayer::new(team, spec.arena.sizes()))),
             battle,
         }
@@ -147,9 +143,6 @@ impl HostedEnv {
                 None
             }
             Task::Step => {
-                if let Some(stand_in) = &mut self.stand_in {
-                    stand_in.act(&self.battle, actions);
-                }
                 let actions = match &mut self.enemies {
                     Some(enemies) => enemies.join(&self.battle, self.own.as_deref(), actions, scratch),
                     None => actions,
@@ -265,11 +258,6 @@ impl HostedEnv {
         self.battle.save_into(&mut state.snapshot);
         state.past_actions.clear();
         state.past_actions.extend_from_slice(self.past_actions());
-    }
-
-    /// From now on this plays a side; or no more.
-    pub(crate) fn set_stand_in(&mut self, stand_in: Option<StandIn>) {
-        self.stand_in = stand_in.map(Box::new);
     }
 
     /// Exchanges the state that it takes at the next [`Task::Restore`].

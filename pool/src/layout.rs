@@ -3,10 +3,10 @@
 //! compare the hash.
 
 use crate::fields::{Axis, Dtype, FIELD_COUNT, FIELDS, Field, FieldSet, FieldSpec};
-use smaclite_engine::{Faction, LEVEL_COLUMNS, Sizes, fnv::Fnv1a};
+use smaclite_engine::{LEVEL_COLUMNS, Sizes, fnv::Fnv1a};
 
 /// Increases when the frame header, the request header or the meaning of a field changes.
-pub const FORMAT_VERSION: u32 = 3;
+pub const FORMAT_VERSION: u32 = 4;
 
 /// Every block starts on a cache line, which also suits the widest vector loads and DLPack consumers.
 pub const BLOCK_ALIGN: usize = 64;
@@ -59,26 +59,6 @@ impl Layout {
             bytes: end.max(MIN_FRAME_BYTES),
             hash: hash.finish(),
         }
-    }
-
-    /// The frame as the learner of one side reads it: the fields of that side, with the names and the sizes
-    /// that the agents' have. What is of both is left out: `battle_won` and `episode_return`, which are the
-    /// agents', and snapshots.
-    #[must_use]
-    pub fn of_side(&self, side: Faction) -> Layout {
-        let mut own = self.clone();
-        own.sizes = self.sizes.of(side).unwrap_or(self.sizes);
-        own.sizes.enemies = None;
-        own.fields = FieldSet::from_iter([]);
-        for field in self.fields.iter().filter(|field| !field.is_of_enemies()) {
-            let source = if side == Faction::Enemy { field.of_enemies() } else { Some(field) };
-            if let Some(source) = source.filter(|source| self.fields.contains(*source)) {
-                own.fields.insert(field);
-                own.offsets[field as usize] = self.offsets[source as usize];
-                own.rows[field as usize] = self.rows[source as usize];
-            }
-        }
-        own
     }
 
     /// The scenario's sizes.

@@ -7,7 +7,7 @@
 //! each result into its slot of a frame that the lane's outlet loaned. Completing the last slot publishes the
 //! frame.
 
-#![deny(unsafe_code)] // except in `slot` and its one caller, which say why
+#![deny(unsafe_code)] // except in `slot` and its one caller, `env_group`, which say why
 
 pub mod enemy_team;
 pub mod env_ids;
@@ -16,20 +16,21 @@ pub mod layout;
 pub mod rejection;
 #[allow(unsafe_code)]
 pub mod slot;
-mod stand_in;
 pub mod transport;
 
 mod autoreset;
+mod crew;
 mod enemy_player;
+#[allow(unsafe_code)]
+mod env_group;
 mod episode_log;
 mod frames;
 mod hosted_env;
 mod joint_action;
-#[allow(unsafe_code)]
 mod lane;
 mod lane_settings;
+mod lane_stats;
 mod own_features;
-mod parking;
 mod pool_options;
 mod scheduler;
 mod sync;
@@ -39,9 +40,10 @@ mod work;
 pub use autoreset::{Autoreset, UnknownAutoreset};
 pub use episode_log::{EpisodePart, FollowerId, MAX_LOG_BYTES, TooManyFollowed};
 pub use joint_action::{JointAction, MakeHook, StepHook};
-pub use lane::{Lane, LaneStats};
+pub use lane::Lane;
 pub use lane_settings::{LaneSettings, LaneSettingsError, LaneSpec, MAX_ENVS, MAX_LAST_ACTIONS};
+pub use lane_stats::LaneStats;
 pub use pool_options::PoolOptions;
 pub use rejection::Rejection;
-pub use scheduler::{Participant, Pool, PoolHandle, PoolStartError};
+pub use scheduler::{LocalLearner, Pool, PoolHandle, PoolStartError};
 pub use wait_strategy::{Deadline, Polling, UnknownWaitStrategy, WaitStrategy};

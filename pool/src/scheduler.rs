@@ -1,25 +1,25 @@
-//! The scheduler: worker threads, and learners' threads that work in their place, take environments from the
-//! lanes and carry out their orders. Which environments are left is in `work`, where idle workers wait in
-//! `parking`; ARCHITECTURE.md, "Scheduling", has the picture.
+//! The threads of a pool at work: the server, the helpers, and learners' threads that work on their own lane
+//! while they wait. Which environments are left is in `work`, who may work and how the others wait in `crew`;
+//! ARCHITECTURE.md, "Scheduling", has the picture.
 
-use crate::lane::{Accepted, Lane, panic_text};
+use crate::crew::{Crew, Source};
+use crate::lane::{Lane, panic_text};
 use crate::lane_settings::LaneSpec;
-use crate::parking::{Parking, Searching, Source};
 use crate::pool_options::PoolOptions;
-use crate::transport::{Doorbell, SessionId, Transport, TransportError};
+use crate::rejection::Rejection;
+use crate::sync::{AtomicBool, Mutex, Ordering, yield_now};
+use crate::transport::{Doorbell, Request, SessionId, Transport, TransportError};
 use crate::wait_strategy::Polling;
 use crate::work::CHUNK;
 use smaclite_engine::Scratch;
+use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::{Arc, Weak};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// A worker at the doorbell polls the lanes at least this often, even without a ring.
+/// The server looks for requests at least this often, even without a ring.
 const CHECK_INTERVAL: Duration = Duration::from_millis(100);
-
-/// At how many lanes a busy worker looks between two chunks.
-const LOOKS: usize = 4;
 
 /// How often a pool that stops looks whether learners still work in it.
 const LEAVING_INTERVAL: Duration = Duration::from_micros(50);
@@ -42,21 +42,15 @@ pub struct Pool<T: Transport> {
     threads: Vec<JoinHandle<()>>,
 }
 
-/// Whose turn it is, as a worker sees it.
-struct Turns {
-    /// The lane whose environments it looks for first.
-    serve: usize,
-    /// The lane whose requests it accepts next between two chunks.
-    poll: usize,
-    /// Environments that it served since it last did.
-    served: usize,
-}
-
 struct Shared<T: Transport> {
     lanes: Vec<Lane<T>>,
-    parking: Parking,
+    crew: Crew,
     doorbell: T::Doorbell,
-    /// How idle workers poll before they park.
+    /// Held by the thread that accepts requests of other processes.
+    receiving: Mutex<()>,
+    /// The server has environments to serve.
+    server_serves: AtomicBool,
+    /// How idle threads poll before they block.
     polling: Polling,
 }
 
@@ -70,14 +64,17 @@ impl<T: Transport> Pool<T> {
         let threads = options.threads.max(1);
         let lanes = lanes.into_iter().map(|(spec, inlet, outlet)| Lane::new(&spec, inlet, outlet, threads));
         let lanes = lanes.collect::<Result<Vec<_>, _>>()?;
-        let (parking, polling) = (Parking::new(threads), options.wait.polling(threads));
+        let (crew, polling) = (Crew::new(threads), options.wait.polling(threads));
         // Nothing else keeps it: where a thread is refused, the pool is dropped, which waits for all others.
-        let shared = Some(Arc::new(Shared { lanes, parking, doorbell, polling }));
+        let (receiving, server_serves) = (Mutex::new(()), AtomicBool::new(false));
+        let shared = Some(Arc::new(Shared { lanes, crew, doorbell, receiving, server_serves, polling }));
         let mut pool = Pool { shared, threads: Vec::new() };
-        for worker in 0..threads {
+        for index in 0..threads {
             let shared = Arc::clone(pool.shared());
-            let thread = std::thread::Builder::new().name(format!("smaclite-{worker}"));
-            pool.threads.push(thread.spawn(move || shared.work(worker)).map_err(PoolStartError::Thread)?);
+            let thread = std::thread::Builder::new().name(format!("smaclite-{index}"));
+            let work =
+                move || if index == shared.crew.server() { shared.be_server() } else { shared.help(index) };
+            pool.threads.push(thread.spawn(work).map_err(PoolStartError::Thread)?);
         }
         Ok(pool)
     }
@@ -102,9 +99,10 @@ impl<T: Transport> Pool<T> {
     /// Ends the threads after their present environments.
     pub fn stop(&mut self) {
         let shared = self.shared();
-        shared.parking.stop(&**shared);
+        shared.crew.stop();
+        shared.doorbell.ring();
         for thread in self.threads.drain(..) {
-            // A worker catches the panics of its lanes. If it panics all the same, its pool ends here anyway.
+            // A thread catches the panics of its lanes. If it panics all the same, its pool ends here anyway.
             let _ = thread.join();
         }
     }
@@ -125,126 +123,117 @@ impl<T: Transport> Drop for Pool<T> {
 }
 
 impl<T: Transport> Shared<T> {
-    /// What a worker does.
-    fn work(&self, worker: usize) {
+    /// What a helper does.
+    fn help(&self, helper: usize) {
         let mut scratch = Scratch::new();
-        let mut turns = Turns { serve: worker, poll: worker, served: 0 };
-        while let Some(searching) = self.parking.search(worker, self, self.polling) {
-            let mut searching = Some(searching);
-            while self.parking.may_work(worker)
-                && self.serve_any(worker, &mut turns, &mut searching, &mut scratch)
-            {}
-        }
+        self.crew.help(helper, self.polling, self, |(lane, envs)| self.lanes[lane].serve(envs, &mut scratch));
     }
 
-    /// Serves some environments of the next lane that has any; `false` if none has.
-    fn serve_any<'a>(
-        &'a self,
-        worker: usize,
-        turns: &mut Turns,
-        searching: &mut Option<Searching<'a>>,
-        scratch: &mut Scratch,
-    ) -> bool {
-        for lane in self.lanes_from(turns.serve) {
-            let served = self.serve(lane, worker, scratch, || {
-                if let Some(searching) = searching.take() {
-                    self.parking.found(searching, self);
-                }
-            });
-            if served > 0 {
-                turns.serve = lane + 1;
-                self.poll_between(turns, served);
-                return true;
+    /// What the server does: it looks for requests, serves environments of all lanes by turns, not too many,
+    /// and looks again, so that a small lane does not wait for the step of a big one.
+    fn be_server(&self) {
+        let server = self.crew.server();
+        let (mut scratch, mut turn) = (Scratch::new(), 0);
+        let mut polls = self.polling.begin();
+        while !self.crew.is_stopped() {
+            let mut is_busy = self.receive_all();
+            let may_serve = |lane: &Lane<T>| !lane.is_local() || !self.crew.has_callers();
+            let mut served = 0;
+            while served < CHUNK
+                && let Some((lane, envs)) = self.take_where(server, &mut turn, may_serve)
+            {
+                is_busy = true;
+                self.server_serves.store(true, Ordering::Relaxed);
+                served += envs.len();
+                self.lanes[lane].serve(envs, &mut scratch);
+            }
+            self.server_serves.store(false, Ordering::Relaxed);
+            if is_busy {
+                polls = self.polling.begin();
+            } else if self.lanes.iter().all(Lane::is_local) || !polls.pause() {
+                self.doorbell.wait(CHECK_INTERVAL);
+                polls = self.polling.begin();
             }
         }
-        false
     }
 
-    /// All lanes, beginning with this one.
-    fn lanes_from(&self, lane: usize) -> impl Iterator<Item = usize> + use<T> {
+    /// Accepts or refuses the next request of every lane, unless another thread does. Returns whether there
+    /// were any.
+    fn receive_all(&self) -> bool {
+        let Ok(_receiving) = self.receiving.try_lock() else { return false };
+        let mut any = false;
+        for lane in (0..self.lanes.len()).filter(|lane| !self.lanes[*lane].is_local()) {
+            let received = self.contained(lane, || self.lanes[lane].receive(|| self.finish(lane))).flatten();
+            if let Some(threads) = received {
+                any = true;
+                self.crew.wake(threads.saturating_sub(1));
+            }
+        }
+        any
+    }
+
+    /// A panic ends the lane, not the thread.
+    fn contained<R>(&self, lane: usize, action: impl FnOnce() -> R) -> Option<R> {
+        let done = catch_unwind(AssertUnwindSafe(action));
+        done.map_err(|panic| self.lanes[lane].fail(panic_text(panic.as_ref()))).ok()
+    }
+
+    /// Carries out all orders of a lane, with the threads that have some of them already.
+    fn finish(&self, lane: usize) {
+        let mut scratch = None;
+        while self.lanes[lane].is_at_work() && !self.crew.is_stopped() {
+            if !self.serve(lane, scratch.get_or_insert_with(Scratch::new)) {
+                yield_now();
+            }
+        }
+    }
+
+    /// Serves some environments of a lane, on the thread of the server or of a learner; `false` if none are
+    /// left to take.
+    fn serve(&self, lane: usize, scratch: &mut Scratch) -> bool {
+        let taken = self.lanes[lane].work().take(self.own_range(lane, self.crew.server()));
+        taken.map(|envs| self.lanes[lane].serve(envs, scratch)).is_some()
+    }
+
+    /// Lanes begin at different threads, so that the only environments of several small lanes do not all
+    /// belong to the same one.
+    fn own_range(&self, lane: usize, thread: usize) -> usize {
+        let threads = self.crew.threads();
+        (thread + threads - lane % threads) % threads
+    }
+
+    /// [`Source::take`] from lanes of a kind.
+    fn take_where(
+        &self,
+        thread: usize,
+        turn: &mut usize,
+        is_meant: impl Fn(&Lane<T>) -> bool,
+    ) -> Option<(usize, Range<usize>)> {
         let lanes = self.lanes.len();
-        (0..lanes).map(move |i| (lane + i) % lanes)
-    }
-
-    /// Takes some environments of a lane and serves them. Returns how many; 0 if none are left to take.
-    fn serve(&self, lane: usize, thread: usize, scratch: &mut Scratch, taken: impl FnOnce()) -> usize {
-        // Lanes begin at different threads, so that the only environments of several small lanes do not all
-        // belong to the first one.
-        let threads = self.parking.threads();
-        let own = (thread + threads - lane % threads) % threads;
-        let Some(envs) = self.lanes[lane].work().take(own) else { return 0 };
-        taken();
-        let count = envs.len();
-        if self.lanes[lane].serve(envs, scratch) {
-            self.accept(lane, 1); // the reset that waited for the last of them
-        }
-        count
-    }
-
-    /// Accepts, between two chunks, what was sent to a lane that is idle: otherwise it would wait until all
-    /// other lanes have nothing left to take. Not needed while an idle worker polls. It looks at few lanes,
-    /// and accepts for one, so that a step does not take longer in a pool of many lanes.
-    fn poll_between(&self, turns: &mut Turns, served: usize) {
-        turns.served += served;
-        if turns.served < CHUNK || self.parking.is_polled() {
-            return;
-        }
-        turns.served = 0;
-        for lane in self.lanes_from(turns.poll).take(LOOKS) {
-            turns.poll = lane + 1;
-            if self.must_poll(lane) && self.lanes[lane].is_idle() {
-                self.accept(lane, 1);
-                break;
+        for lane in (0..lanes).map(|i| (*turn + i) % lanes).filter(|lane| is_meant(&self.lanes[*lane])) {
+            if let Some(envs) = self.lanes[lane].work().take(self.own_range(lane, thread)) {
+                *turn = lane + 1;
+                return Some((lane, envs));
             }
         }
-    }
-
-    /// Accepts the next request of a lane, and wakes the workers for it, but for `present` threads, which
-    /// serve it anyway. Returns whether there was one.
-    fn accept(&self, index: usize, present: usize) -> bool {
-        let lane = &self.lanes[index];
-        match catch_unwind(AssertUnwindSafe(|| lane.accept())) {
-            Ok(Accepted::Nothing) => return false,
-            Ok(Accepted::Refused) => {}
-            Ok(Accepted::Work(threads)) => self.parking.published(threads.saturating_sub(present), self),
-            Err(panic) => {
-                lane.fail(panic_text(panic.as_ref()));
-                return false;
-            }
-        }
-        true
-    }
-
-    /// Whether workers accept the requests of a lane: its learner does not.
-    fn must_poll(&self, lane: usize) -> bool {
-        !self.lanes[lane].accepts_itself()
-    }
-
-    /// The lanes whose requests workers accept.
-    fn polled_lanes(&self) -> impl Iterator<Item = usize> {
-        (0..self.lanes.len()).filter(|lane| self.must_poll(*lane))
+        None
     }
 }
 
 impl<T: Transport> Source for Shared<T> {
+    /// A lane and some of its environments.
+    type Chunk = (usize, Range<usize>);
+
     fn has_work(&self) -> bool {
         self.lanes.iter().any(|lane| !lane.work().is_empty())
     }
 
-    fn needs_polling(&self) -> bool {
-        self.polled_lanes().next().is_some()
+    fn receive(&self) -> bool {
+        self.server_serves.load(Ordering::Relaxed) && self.receive_all()
     }
 
-    fn poll(&self) -> bool {
-        self.polled_lanes().fold(false, |any, lane| self.accept(lane, 0) | any)
-    }
-
-    fn wait_at_doorbell(&self) {
-        self.doorbell.wait(CHECK_INTERVAL);
-    }
-
-    fn ring(&self) {
-        self.doorbell.ring();
+    fn take(&self, thread: usize, turn: &mut usize) -> Option<(usize, Range<usize>)> {
+        self.take_where(thread, turn, |_| true)
     }
 }
 
@@ -252,93 +241,76 @@ impl<T: Transport> Source for Shared<T> {
 pub struct PoolHandle<T: Transport>(Weak<Shared<T>>);
 
 impl<T: Transport> PoolHandle<T> {
-    /// What a learner of lane `lane` needs to take part. From now on, and until it is dropped or its session
-    /// ends, only the participant accepts the lane's requests. `None` if the session is not the lane's or the
-    /// pool ends.
-    pub fn participant(&self, lane: usize, session: SessionId) -> Option<Participant<T>> {
+    /// The learner of lane `lane`, whose requests from now on, and until it is dropped or its session ends,
+    /// are orders of its thread. `None` if the session is not the lane's or the pool ends.
+    pub fn local_learner(&self, lane: usize, session: SessionId) -> Option<LocalLearner<T>> {
         let shared = self.0.upgrade()?;
-        let is_current = shared.lanes.get(lane)?.set_accepts_itself(session, true);
-        is_current.then(|| Participant {
-            pool: Weak::clone(&self.0),
-            lane,
-            session,
-            scratch: Scratch::new(),
-            turn: lane,
-            place: None,
-        })
+        let is_current = shared.lanes.get(lane)?.set_local(session, true);
+        let (pool, scratch) = (Weak::clone(&self.0), Scratch::new());
+        is_current.then(|| LocalLearner { pool, lane, session, scratch, entered: None })
     }
 }
 
-/// A learner's thread that works in the pool of its process while it waits (caller runs): it accepts the
-/// requests of its lane, and steps environments in the place of a worker: those of its own lane, by turns
-/// with those of lanes whose learners are in other processes.
-pub struct Participant<T: Transport> {
+/// A learner's thread in the process of its pool (caller runs): it checks its requests itself, as the server
+/// does those of others, and works on its lane while it waits.
+pub struct LocalLearner<T: Transport> {
     pool: Weak<Shared<T>>,
     lane: usize,
     session: SessionId,
     scratch: Scratch,
-    /// The other lane that it looks at first.
-    turn: usize,
-    /// The pool and the worker that it substitutes, between [`join`](Participant::join) and
-    /// [`leave`](Participant::leave).
-    place: Option<(Arc<Shared<T>>, usize)>,
+    /// The pool, while this thread works in it.
+    entered: Option<Arc<Shared<T>>>,
 }
 
-impl<T: Transport> Participant<T> {
-    /// Substitutes a worker. Without effect if learners have the places of all, or the pool ends. A pool
-    /// waits until its participants have left before it ends.
-    pub fn join(&mut self) {
-        if self.place.is_none()
-            && let Some(shared) = self.pool.upgrade()
-            // The lane's first environments, and so all of a small lane, are this worker's.
-            && let Some(worker) = shared.parking.substitute(self.lane % shared.parking.threads())
-        {
-            self.place = Some((shared, worker));
-        }
+impl<T: Transport> LocalLearner<T> {
+    /// Orders what a request of this learner says, all of it or nothing, and stays at work: then
+    /// [`serve`](LocalLearner::serve) or [`leave`](LocalLearner::leave) should follow. Without effect if the
+    /// pool ends, which waits until its learners have left.
+    ///
+    /// # Errors
+    /// Why the lane refuses it.
+    pub fn order(&mut self, request: &Request<'_, i32>) -> Result<(), Rejection> {
+        let lane = self.lane;
+        let Some(shared) = enter(&mut self.entered, &self.pool) else { return Ok(()) };
+        let ordered = shared.contained(lane, || shared.lanes[lane].order(request, || shared.finish(lane)));
+        let threads = ordered.unwrap_or(Ok(0))?; // a lane that failed has reported it
+        shared.crew.wake(threads.saturating_sub(1));
+        Ok(())
     }
 
-    /// Gives the place back.
-    pub fn leave(&mut self) {
-        if let Some((shared, worker)) = self.place.take() {
-            shared.parking.reinstate(worker, &*shared);
-        }
-    }
-
-    /// Accepts the requests that the learner sent.
-    pub fn accept(&self) {
-        let accept = |shared: &Shared<T>, present| {
-            while !shared.parking.is_stopped() && shared.accept(self.lane, present) {}
-        };
-        match &self.place {
-            Some((shared, _)) => accept(shared, 1),
-            None => drop(self.pool.upgrade().map(|shared| accept(&shared, 0))),
-        }
-    }
-
-    /// Joins, if it can, and serves some environments of the learner's lane, and then some of another lane
-    /// whose turn it is. `false` if none of its own are left to take, or the pool ends.
+    /// Serves some environments of its lane. `false` if none are left to take, or the pool ends.
     pub fn serve(&mut self) -> bool {
-        self.join();
-        let Some((shared, worker)) = &self.place else { return false };
-        let serve = |lane, scratch: &mut Scratch| shared.serve(lane, *worker, scratch, || {}) > 0;
-        if shared.parking.is_stopped() || !serve(self.lane, &mut self.scratch) {
-            return false;
+        let Some(shared) = enter(&mut self.entered, &self.pool) else { return false };
+        !shared.crew.is_stopped() && shared.serve(self.lane, &mut self.scratch)
+    }
+
+    /// Works no more until the next order or [`serve`](LocalLearner::serve).
+    pub fn leave(&mut self) {
+        if let Some(shared) = self.entered.take()
+            && shared.crew.leave(&*shared)
+        {
+            shared.doorbell.ring();
         }
-        // It may have the place of the only worker. Learners of this process have threads of their own.
-        let mut others = shared.lanes_from(self.turn).filter(|lane| shared.must_poll(*lane));
-        if let Some(lane) = others.find(|lane| serve(*lane, &mut self.scratch)) {
-            self.turn = lane + 1;
-        }
-        true
     }
 }
 
-impl<T: Transport> Drop for Participant<T> {
+/// The pool, in which this thread is at work from now on; `None` if it ends.
+fn enter<'a, T: Transport>(
+    entered: &'a mut Option<Arc<Shared<T>>>,
+    pool: &Weak<Shared<T>>,
+) -> Option<&'a Shared<T>> {
+    if entered.is_none() {
+        *entered = pool.upgrade();
+        entered.as_ref().inspect(|shared| shared.crew.enter());
+    }
+    entered.as_deref()
+}
+
+impl<T: Transport> Drop for LocalLearner<T> {
     fn drop(&mut self) {
         self.leave();
         if let Some(shared) = self.pool.upgrade() {
-            shared.lanes[self.lane].set_accepts_itself(self.session, false);
-            shared.parking.hand_over(&*shared); // there is a lane more to poll
+            shared.lanes[self.lane].set_local(self.session, false);
         }
     }
 }

@@ -2,8 +2,7 @@
 //! heap.
 
 use crate::rejection::Rejection;
-use smaclite_engine::Faction;
-use std::sync::atomic::AtomicI32;
+use std::sync::atomic::{AtomicI32, Ordering};
 use std::time::Duration;
 
 /// The parts of one transport.
@@ -12,7 +11,7 @@ pub trait Transport: Send + Sync + 'static {
     type Inlet: Inlet;
     /// Where a lane's frames go.
     type Outlet: Outlet;
-    /// What wakes the supervisor.
+    /// What wakes the server.
     type Doorbell: Doorbell;
 }
 
@@ -28,10 +27,6 @@ pub trait Inlet: Send + 'static {
     /// The next message, if one is waiting. Never blocks.
     fn receive(&mut self) -> Result<Received<Self::Message>, TransportError>;
 }
-
-/// How many requests the learner of one side may send before that of the other side sends its first: a step,
-/// and a reset that gives it up.
-pub const MAX_AHEAD: usize = 2;
 
 /// What a lane received from a process that is not trusted.
 #[derive(Debug)]
@@ -80,23 +75,42 @@ pub struct Epoch {
     pub reset: Option<RequestNumber>,
 }
 
-/// A request. Its environments and its body are in shared memory to which the sender can still write, so each
-/// of their values is read once and checked after it was read; hence the atomics.
+/// A number of a request, in the memory of its sender.
+pub trait Number {
+    /// Reads it, once.
+    fn read(&self) -> i32;
+}
+
+/// In shared memory, to which the sender can still write.
+impl Number for AtomicI32 {
+    #[inline]
+    fn read(&self) -> i32 {
+        self.load(Ordering::Relaxed)
+    }
+}
+
+/// Of a thread of this process, which calls.
+impl Number for i32 {
+    #[inline]
+    fn read(&self) -> i32 {
+        *self
+    }
+}
+
+/// A request. The sender of one in shared memory can still change it, so each value is read once and checked
+/// after it was read.
 #[derive(Clone, Copy, Debug)]
-pub struct Request<'a> {
+pub struct Request<'a, N = AtomicI32> {
     /// The session of the sender.
     pub session: SessionId,
-    /// The side of the sender, if its lane has a learner for each: then the body of a step has the actions of
-    /// that side alone.
-    pub side: Option<Faction>,
     /// The sender's number of the request, which a rejection names.
     pub number: RequestNumber,
     /// What the environments should do.
     pub kind: RequestKind,
     /// `[count]`: the environments that the request is about.
-    pub env_ids: &'a [AtomicI32],
+    pub env_ids: &'a [N],
     /// What the kind of the request says.
-    pub body: &'a [AtomicI32],
+    pub body: &'a [N],
 }
 
 /// What the environments of a request should do.
@@ -150,15 +164,14 @@ pub enum FrameContent {
     Batch,
     /// The first bytes are a JSON [`Rejection`].
     Rejection {
-        /// The refused request; `None` reports that the lane failed, or that the session ended because the
-        /// learner of the other side left.
+        /// The refused request; `None` reports that the lane failed.
         request: Option<RequestNumber>,
         /// Bytes of the text.
         len: usize,
     },
 }
 
-/// Wakes the one worker that waits for requests.
+/// Wakes the server, which waits for requests.
 pub trait Doorbell: Send + Sync + 'static {
     /// Blocks until the bell rings or the time is over. A ring that comes before the wait ends it at once.
     fn wait(&self, timeout: Duration);

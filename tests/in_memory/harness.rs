@@ -1,9 +1,9 @@
 //! Pools in this process, and learners without the checks of the real client.
 
-use smaclite_engine::Faction;
 use smaclite_pool::layout::Layout;
 use smaclite_pool::transport::{Doorbell, Epoch, RequestKind, RequestNumber, SessionId};
 use smaclite_pool::{Pool, PoolOptions, Rejection, WaitStrategy};
+use smaclite_tests::conformance::Stepping;
 use smaclite_tests::in_memory::{Bell, Frame, InMemory, LearnerSide, SentMessage, lane};
 use smaclite_tests::{LanePlan, Row};
 use std::sync::atomic::Ordering;
@@ -81,14 +81,8 @@ impl Learner {
 
     fn send(&mut self, kind: RequestKind, env_ids: &[i32], actions: &[i32]) {
         self.number += 1;
-        self.send_half(None, kind, env_ids, actions);
-    }
-
-    /// Sends what the learner of a side sends as the present request, or the only learner.
-    pub fn send_half(&self, side: Option<Faction>, kind: RequestKind, env_ids: &[i32], actions: &[i32]) {
         self.send_raw(SentMessage {
             session: self.session,
-            side,
             number: self.number,
             kind: Some(kind),
             env_ids: env_ids.to_vec(),
@@ -157,6 +151,23 @@ impl Learner {
     /// Whether there is nothing to receive.
     pub fn has_no_frame(&self) -> bool {
         self.side.frames.try_recv().is_err()
+    }
+}
+
+impl Stepping for Learner {
+    fn send_reset(&mut self, seed: Option<u64>, env_ids: Option<&[i32]>) {
+        match env_ids {
+            Some(env_ids) => Learner::send_reset(self, seed, env_ids),
+            None => self.send_reset_all(seed),
+        }
+    }
+
+    fn send_step(&mut self, env_ids: &[i32], actions: &[i32]) {
+        Learner::send_step(self, env_ids, actions);
+    }
+
+    fn batch(&mut self) -> Vec<Row> {
+        Learner::batch(self)
     }
 }
 

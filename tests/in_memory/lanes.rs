@@ -1,8 +1,8 @@
 //! Several lanes that share worker threads.
 
-use crate::harness::{Learner, start, wait_until};
+use crate::harness::{Learner, all, legal_actions, start, wait_until};
 use crate::{MAX_THREADS, STEPS};
-use smaclite_pool::transport::SessionId;
+use smaclite_pool::transport::{Request, RequestKind, RequestNumber, SessionId};
 use smaclite_tests::LanePlan;
 use smaclite_tests::fault::{Fault, Gate};
 use std::sync::{Arc, Mutex};
@@ -75,30 +75,27 @@ fn what_is_sent_to_an_idle_lane_is_accepted_between_two_runs_of_a_busy_one() {
     assert!(before < 2 * RUN && after >= RUN, "after {before} environments of the big lane, before {after}");
 }
 
-/// A learner's thread in the place of the only worker served its own lane to the end, and only then
-/// another's.
+/// A learner of the pool's process that has the only place does not keep the lanes of others waiting.
 #[test]
-fn a_learner_in_the_place_of_a_worker_serves_lanes_of_others_by_turns() {
+fn a_lane_is_served_while_a_learner_has_the_only_place() {
     let (gate, log) = (Gate::default(), Arc::default());
     let (pool, mut learners) = start(1, &big_and_small(&gate, &log));
     learners.iter_mut().for_each(|learner| learner.send_reset_all(None));
     let rows: Vec<_> = learners.iter().map(Learner::batch).collect();
     gate.close();
-    let mut participant = pool.handle().participant(0, SessionId(1)).expect("the lane's session");
-    participant.join();
-    learners[0].step_rows(&rows[0]);
-    participant.accept();
-    let accepted = pool.lane(1).stats().accepted;
+    let mut local = pool.handle().local_learner(0, SessionId(1)).expect("the lane's session");
+    let (env_ids, body) = (all(4 * RUN), legal_actions(&rows[0]));
+    let (session, number) = (SessionId(1), RequestNumber(2));
+    let request = Request { session, number, kind: RequestKind::Step, env_ids: &env_ids, body: &body };
+    local.order(&request).expect("the actions are available");
     std::thread::scope(|scope| {
-        scope.spawn(|| while participant.serve() {});
+        scope.spawn(|| while local.serve() {});
         gate.wait_for_arrival();
         learners[1].step_rows(&rows[1]);
-        wait_until("the worker accepts it", || pool.lane(1).stats().accepted > accepted);
+        learners[1].batch();
         gate.open();
     });
-    learners.iter().for_each(|learner| drop(learner.batch()));
-    let (before, after) = around_the_small_one(&log);
-    assert!(before < 2 * RUN && after >= RUN, "after {before} environments of the big lane, before {after}");
+    learners[0].batch();
 }
 
 #[test]

@@ -8,7 +8,6 @@ mod lanes;
 mod own_features;
 mod rejections;
 mod stepping;
-mod two_learners;
 
 /// Fewer under Miri, which is slow.
 const STEPS: usize = if cfg!(miri) { 3 } else { 60 };

@@ -3,7 +3,7 @@
 
 use crate::harness::{Learner, all, assert_same, legal_actions, start, start_one, wait_until};
 use smaclite_engine::Actor;
-use smaclite_pool::transport::RequestKind;
+use smaclite_pool::transport::{Request, RequestKind, RequestNumber, SessionId};
 use smaclite_pool::{Autoreset, Pool, Rejection};
 use smaclite_tests::fault::{Fault, Gate};
 use smaclite_tests::in_memory::{InMemory, SentMessage};
@@ -125,11 +125,18 @@ fn a_finished_environment_cannot_be_stepped_without_autoreset() {
 fn an_environment_that_is_being_stepped_does_not_delay_the_others_of_its_lane() {
     let gate = Gate::default();
     let plan = LanePlan { batch_size: 1, ..LanePlan::toy(2) }.fault(0, Fault::Gate(gate.clone()));
-    let (_pool, mut learner, rows) = reset_lane(&plan);
+    let (pool, learner, rows) = reset_lane(&plan);
+    let mut local = pool.handle().local_learner(0, SessionId(1)).expect("the lane's session");
+    let mut step = |number, row: &Row| {
+        let (env_ids, body, kind) = ([row.env()], row.legal_actions(), RequestKind::Step);
+        let (session, number) = (SessionId(1), RequestNumber(number));
+        local.order(&Request { session, number, kind, env_ids: &env_ids, body: &body }).expect("idle");
+        local.leave(); // to the threads of the pool
+    };
     gate.close();
-    learner.step_rows(&rows[..1]);
+    step(2, &rows[0]);
     gate.wait_for_arrival();
-    learner.step_rows(&rows[1..]);
+    step(3, &rows[1]);
     assert_eq!(learner.batch()[0].env(), 1);
     gate.open();
     assert_eq!(learner.batch()[0].env(), 0);
@@ -140,7 +147,6 @@ fn malformed_requests_and_those_of_other_sessions_are_counted_and_not_answered()
     let (pool, mut learner, rows) = reset_lane(&LanePlan::toy(N));
     let message = |session, number, kind| SentMessage {
         session,
-        side: None,
         number,
         kind,
         env_ids: all(N),

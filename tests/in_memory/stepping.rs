@@ -1,86 +1,19 @@
 //! What a learner receives is what its environments produce when they are stepped one by one: for any number
 //! of threads, batch size, autoreset mode and wait strategy.
 
-use crate::harness::{Learner, assert_same, start_one, start_waiting};
+use crate::harness::{start_one, start_waiting};
 use crate::{MAX_THREADS, STEPS};
 use smaclite_pool::fields::Field;
 use smaclite_pool::{Autoreset, WaitStrategy};
-use smaclite_tests::{LanePlan, Reference, Row};
+use smaclite_tests::{LanePlan, conformance};
 
 const MODES: [Autoreset; 3] = [Autoreset::NextStep, Autoreset::SameStep, Autoreset::Disabled];
-
-/// A learner with the environments whose next row is still to come.
-struct Episodes {
-    plan: LanePlan,
-    learner: Learner,
-    reference: Reference,
-    is_awaited: Vec<bool>,
-}
 
 /// Steps a lane for a while and compares every row.
 fn check(plan: &LanePlan, threads: usize, wait: WaitStrategy) {
     let context = format!("{threads} threads, batches of {}, {:?}", plan.batch_size, plan.autoreset);
     let (_pool, mut learners) = start_waiting(wait, threads, std::slice::from_ref(plan));
-    let mut episodes = Episodes {
-        plan: plan.clone(),
-        learner: learners.remove(0),
-        reference: Reference::new(plan),
-        is_awaited: vec![true; plan.num_envs],
-    };
-    episodes.learner.send_reset_all(Some(7));
-    episodes.reference.reset_all(Some(7));
-    for _ in 0..STEPS * plan.num_envs / plan.batch_size {
-        let rows = episodes.learner.batch();
-        episodes.compare(&rows, &context);
-        episodes.answer(rows);
-    }
-}
-
-impl Episodes {
-    fn compare(&mut self, rows: &[Row], context: &str) {
-        for (slot, row) in rows.iter().enumerate() {
-            let env = row.env() as usize;
-            assert!(!self.is_synchronous() || env == slot, "{context}: slot {slot} is environment {env}");
-            assert!(std::mem::take(&mut self.is_awaited[env]), "{context}: environment {env} came twice");
-            assert_same(row, self.reference.row(row.env()), context);
-        }
-    }
-
-    /// Resets environments whose episode ended where that is left to the learner, and steps the others.
-    fn answer(&mut self, rows: Vec<Row>) {
-        let by_hand = self.plan.autoreset == Autoreset::Disabled;
-        let (ended, going): (Vec<Row>, Vec<Row>) = rows.into_iter().partition(|row| by_hand && row.ended());
-        if !ended.is_empty() {
-            let ended: Vec<_> = ended.iter().map(Row::env).collect();
-            for env in &ended {
-                self.is_awaited[*env as usize] = true;
-                self.reference.reset(*env, None);
-            }
-            match ended.len() == self.plan.num_envs {
-                true => self.learner.send_reset_all(None), // begins an epoch
-                false => self.learner.send_reset(None, &ended),
-            }
-            if self.is_synchronous() {
-                // The batch also has the others, unchanged; all are stepped next time.
-                for row in &going {
-                    self.is_awaited[row.env() as usize] = true;
-                    self.reference.observe(row.env());
-                }
-                return;
-            }
-        }
-        if !going.is_empty() {
-            for row in &going {
-                self.is_awaited[row.env() as usize] = true;
-                self.reference.step(row.env(), &row.legal_actions());
-            }
-            self.learner.step_rows(&going);
-        }
-    }
-
-    fn is_synchronous(&self) -> bool {
-        self.plan.batch_size == self.plan.num_envs
-    }
+    conformance::check(plan, &mut learners[0], STEPS * plan.num_envs / plan.batch_size, &context);
 }
 
 #[test]

@@ -116,12 +116,10 @@ impl Input<'_> {
             RequestKind::Restore { seed: None },
             RequestKind::Fork { seed: Some(4) },
         ];
-        let kind_and_side = self.u64(1) as usize;
-        let kind = kinds[kind_and_side % kinds.len()];
+        let kind = kinds[self.u64(1) as usize % kinds.len()];
         let count = if keep & 1 == 0 { lane.num_envs } else { self.u64(4) as usize };
         let (session, number) = (SessionId(session), RequestNumber(number));
-        let mut header = RequestHeader::new(&lane.layout, session, None, number, kind, count);
-        header.side = (kind_and_side / kinds.len()) as u32; // mostly of the whole lane, as it must be here
+        let mut header = RequestHeader::new(&lane.layout, session, number, kind, count);
         let parts = [&mut header.layout_hash, &mut header.session, &mut header.number, &mut header.seed];
         for (bit, part) in parts.into_iter().enumerate().filter(|(bit, _)| keep >> (bit + 1) & 1 == 1) {
             *part = self.u64(if bit == 0 { 8 } else { 2 });
@@ -185,7 +183,6 @@ pub fn run(bytes: &[u8]) {
     let header = RequestHeader::new(
         &lane.layout,
         SessionId(bench.session),
-        None,
         RequestNumber(1),
         RequestKind::Reset { seed: Some(2), levels: false },
         lane.num_envs,
@@ -203,7 +200,7 @@ pub fn run(bytes: &[u8]) {
         *word = mask.iter().position(|a| *a == 1).expect("an available action") as u32;
     }
     let (session, number) = (SessionId(bench.session), RequestNumber(2));
-    let header = RequestHeader::new(&lane.layout, session, None, number, RequestKind::Step, ids.len());
+    let header = RequestHeader::new(&lane.layout, session, number, RequestKind::Step, ids.len());
     let len = words.len() * 4;
     let _ = lane.messages.send((header, words, len));
     bench.bell.ring();

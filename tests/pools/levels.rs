@@ -1,7 +1,7 @@
 //! Episodes begin with levels that a learner chooses.
 
 use smaclite_engine::{Arena, Battle, LevelError, Rules, Scratch, policy};
-use smaclite_ipc::{Client, WaitOptions};
+use smaclite_ipc::{Client, WaitOptions, WaitStrategy};
 use smaclite_pool::fields::{FIELDS, Field};
 use smaclite_scenarios::Scenario;
 use smaclite_tests::{LanePlan, PoolPlan, TestDir};
@@ -153,56 +153,63 @@ fn a_lane_begins_with_levels_or_refuses_all_of_them() {
     assert_eq!(after.field::<f32>(Field::Level).expect("levels")[1], 12.0, "nothing had changed");
 }
 
-/// The client once took every environment for one that works on the refused reset, and then none: a batch
-/// that was ready could not be received, and an environment of a later one stayed busy until all were reset.
+/// The client once took every environment for one that works on the refused reset: an environment stayed busy
+/// until all were reset. A refused reset of all drops the results of earlier requests, as an accepted one does,
+/// and a refused request to some environments leaves those of the others alone.
 #[test]
-fn after_a_refused_request_the_results_of_earlier_ones_are_received() {
-    let dir = TestDir::new();
-    let fields = Some(FIELDS.iter().map(|spec| spec.name.to_owned()).collect());
-    let plan = PoolPlan::new([LanePlan { fields, batch_size: 2, ..LanePlan::new("3m", 4) }]).threads(1);
-    let _pool = dir.start(&plan);
-    let mut client = client(&dir, &plan);
-    let wait = || WaitOptions { timeout: Some(std::time::Duration::from_secs(5)), ..WaitOptions::forever() };
-    let recv = |client: &mut Client| {
-        let batch = client.recv(wait()).expect("a batch");
-        let mut envs = batch.env_id().to_vec();
-        envs.sort_unstable();
-        (envs, batch.field::<f32>(Field::Level).expect("the lane has it").to_vec())
-    };
-    let step =
-        |client: &mut Client, env: i32| client.send(&[1; 3], Some(&[env]), wait()).expect("it is idle");
-    client.send_reset(Some(1), None, wait()).expect("sent");
-    let ((_, mut bad), (_, rest)) = (recv(&mut client), recv(&mut client));
-    let size = bad.len() / 2;
-    bad.extend(rest);
-    bad[4] = 2.0; // whether agent 0 is alive must be 0 or 1
-    let refuse = |client: &mut Client| {
-        let error = client.reset_to(&bad, None, None, wait()).err().expect("a refusal").to_string();
-        assert!(error.starts_with("environment 0 cannot begin with this level"), "{error}");
-    };
-    // A result that does not fill a batch.
-    step(&mut client, 0);
-    refuse(&mut client);
-    let error = client.send(&[1; 3], Some(&[0]), wait()).expect_err("it works on the first step").to_string();
-    assert!(error.starts_with("environment 0 still works on an earlier request"), "{error}");
-    step(&mut client, 1);
-    assert_eq!(recv(&mut client).0, [0, 1]);
-    // A batch that comes before the refusal.
-    step(&mut client, 2);
-    step(&mut client, 3);
-    refuse(&mut client);
-    assert_eq!(recv(&mut client).0, [2, 3]);
-    // Two resets at once.
-    step(&mut client, 0);
-    client.send_reset_to(&bad, None, None, wait()).expect("sent");
-    refuse(&mut client);
-    step(&mut client, 1);
-    assert_eq!(recv(&mut client).0, [0, 1]);
-    // Requests to one environment, which leave the results of another alone.
-    step(&mut client, 2);
-    assert!(client.reset_to(&bad[..size], None, Some(&[3]), wait()).is_err(), "a level that cannot be");
-    let snapshot = vec![0; client.layout().snapshot_size()];
-    assert!(client.restore(&snapshot, Some(&[3]), None, wait()).is_err(), "no snapshot");
-    step(&mut client, 3);
-    assert_eq!(recv(&mut client).0, [2, 3]);
+fn after_a_refused_request_the_lane_and_its_learner_agree() {
+    for is_local in [true, false] {
+        let dir = TestDir::new();
+        let fields = Some(FIELDS.iter().map(|spec| spec.name.to_owned()).collect());
+        let plan = PoolPlan::new([LanePlan { fields, batch_size: 2, ..LanePlan::new("3m", 4) }]).threads(1);
+        let pool = dir.start(&plan);
+        let connect = || pool.connect(None, WaitStrategy::default()).expect("a client");
+        let mut client = if is_local { connect() } else { client(&dir, &plan) };
+        let wait =
+            || WaitOptions { timeout: Some(std::time::Duration::from_secs(5)), ..WaitOptions::forever() };
+        let recv = |client: &mut Client| {
+            let batch = client.recv(wait()).expect("a batch");
+            let mut envs = batch.env_id().to_vec();
+            envs.sort_unstable();
+            (envs, batch.field::<f32>(Field::Level).expect("the lane has it").to_vec())
+        };
+        let step =
+            |client: &mut Client, env: i32| client.send(&[1; 3], Some(&[env]), wait()).expect("it is idle");
+        // Before the first reset a refused one leaves a lane that was not reset.
+        let refuse = |client: &mut Client, bad: &[f32]| {
+            let error = client.reset_to(bad, None, None, wait()).err().expect("a refusal").to_string();
+            assert!(error.starts_with("environment 0 cannot begin with this level"), "{error}");
+        };
+        let mut bad = vec![2.0; 4 * client.layout().level_len()];
+        refuse(&mut client, &bad);
+        let error = client.send(&[1; 3], Some(&[0]), wait()).expect_err("it was not reset").to_string();
+        assert!(error.starts_with("no environment was reset"), "{error}");
+        client.send_reset(Some(1), None, wait()).expect("sent");
+        let ((_, levels), (_, rest)) = (recv(&mut client), recv(&mut client));
+        let size = levels.len() / 2;
+        bad = [levels, rest].concat();
+        bad[4] = 2.0; // whether agent 0 is alive must be 0 or 1
+        // A result that does not fill a batch, and a batch that comes before the refusal.
+        step(&mut client, 0);
+        refuse(&mut client, &bad);
+        let error = client.recv(wait()).err().expect("nothing is outstanding").to_string();
+        assert!(error.starts_with("nothing to receive: 0 results are outstanding"), "{error}");
+        (0..3).for_each(|env| step(&mut client, env));
+        refuse(&mut client, &bad);
+        (2..4).for_each(|env| step(&mut client, env));
+        assert_eq!(recv(&mut client).0, [2, 3]);
+        // Two resets at once.
+        step(&mut client, 0);
+        client.send_reset_to(&bad, None, None, wait()).expect("sent");
+        refuse(&mut client, &bad);
+        (0..2).for_each(|env| step(&mut client, env));
+        assert_eq!(recv(&mut client).0, [0, 1]);
+        // Requests to one environment, which leave the results of another alone.
+        step(&mut client, 2);
+        assert!(client.reset_to(&bad[..size], None, Some(&[3]), wait()).is_err(), "a level that cannot be");
+        let snapshot = vec![0; client.layout().snapshot_size()];
+        assert!(client.restore(&snapshot, Some(&[3]), None, wait()).is_err(), "no snapshot");
+        step(&mut client, 3);
+        assert_eq!(recv(&mut client).0, [2, 3]);
+    }
 }

@@ -8,7 +8,7 @@ use smaclite_pool::fields::Field;
 use smaclite_tests::fault::{Fault, Gate};
 use smaclite_tests::learner::LearnerError;
 use smaclite_tests::process::TIMEOUT;
-use smaclite_tests::{Child, LanePlan, Learner, PoolPlan, TestDir};
+use smaclite_tests::{Child, LanePlan, Learner, PoolPlan, TestDir, conformance};
 use std::time::Duration;
 
 /// Resets, then steps `frames` batches. Without autoreset it resets finished environments.
@@ -34,9 +34,9 @@ fn run(learner: &mut Learner, plan: &LanePlan, frames: usize) -> Result<(), Lear
     Ok(())
 }
 
+/// A learner whose thread works in the pool, one that sends messages to it, and one of another process.
 #[test]
 fn every_way_of_stepping_shows_the_bits_of_the_reference() {
-    let dir = TestDir::new();
     for autoreset in [Autoreset::NextStep, Autoreset::SameStep, Autoreset::Disabled] {
         for threads in [1, 2, 4] {
             for batch_size in [12, 5, 1] {
@@ -49,26 +49,22 @@ fn every_way_of_stepping_shows_the_bits_of_the_reference() {
                     obs_agent_id: threads == 2,
                     ..LanePlan::new("2s3z", 12)
                 };
-                let pool = PoolPlan::new([plan]).threads(threads);
-                let _embedded = dir.start(&pool);
-                let mut learner = dir.learner(&pool.lanes[0]);
-                let result = run(&mut learner, &pool.lanes[0], 400 / batch_size);
-                result
-                    .unwrap_or_else(|e| panic!("{threads} threads, {batch_size} of 12, {autoreset:?}: {e}"));
+                let context = format!("{threads} threads, {batch_size} of 12, {autoreset:?}");
+                let pool = PoolPlan::new([plan.clone()]).threads(threads);
+                let check = |client: &mut Client, way: &str| {
+                    conformance::check(&plan, client, 400 / batch_size, &format!("{way}: {context}"));
+                };
+                let dir = TestDir::new();
+                let embedded = dir.start(&pool);
+                check(&mut embedded.connect(None, WaitStrategy::default()).expect("a client"), "calls");
+                check(&mut dir.learner(&plan).into_client(), "messages");
+                drop(embedded);
+                if batch_size != 5 {
+                    let _supervisor = Child::supervisor(&dir, &pool);
+                    check(&mut dir.learner(&plan).into_client(), "another process");
+                }
             }
         }
-    }
-}
-
-#[test]
-fn other_processes_see_the_same_bits() {
-    for (threads, batch_size) in [(1, 6), (2, 6), (4, 2)] {
-        let dir = TestDir::new();
-        let plan = PoolPlan::new([LanePlan { batch_size, ..LanePlan::new("3s5z", 6) }]).threads(threads);
-        let _supervisor = Child::supervisor(&dir, &plan);
-        let mut learner = dir.learner(&plan.lanes[0]);
-        let result = run(&mut learner, &plan.lanes[0], 200 / batch_size);
-        result.unwrap_or_else(|e| panic!("{threads} threads, {batch_size} of 6: {e}"));
     }
 }
 

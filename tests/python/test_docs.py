@@ -85,9 +85,6 @@ NOT_RUN: dict[str, dict[str, str]] = {
         "systemctl": "needs systemd",
         "SMACLITE_POOL_ROOT": "needs the service above",
     },
-    "reference/both-sides.md": {
-        "import smaclite_pool as sp\n\nwith sp.connect": "needs another learner; test_both_sides.py has two"
-    },
     "reference/opponents.md": {"just figures": CLONE},
     "reference/policies.md": {
         "let mut policy": "an excerpt; the documentation of the crate has a test",

@@ -6,7 +6,6 @@ returned: the pool could not open the learner's requests, which only iceoryx2's 
 
 from __future__ import annotations
 
-import os
 import resource
 import subprocess
 import sys
@@ -153,28 +152,4 @@ def test_a_learner_that_a_pool_has_no_files_for_is_told_so_and_the_first_plays_o
     assert all(f"(process {pool.pid})" in text and "`ulimit -n`" in text for text in refusals), refusals
     with sp.connect("short", "b") as second:
         second.reset(seed=1, timeout=20)
-    first.close()
-
-
-def test_the_first_of_two_learners_waits_on_when_the_second_is_refused(serve: Serve) -> None:
-    # A wait for a learner that has not come said "it is still under way", and not who was missing.
-    pool = serve("arena=3m:2", "--sides", "both", "--name", "short", "--threads", "1")
-    first = sp.connect("short", side="allies")
-    with pytest.raises(sp.errors.Timeout, match="the learner of the enemies has not attached"):
-        first.reset(seed=1, timeout=0.3)
-    assert sp.status("short")["lanes"][0]["missing_side"] == "enemies"
-    command = [sys.executable, "-m", "smaclite_pool", "list"]
-    listed = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True).stdout
-    assert f"allies: process {os.getpid()}, enemies: none" in listed
-    with pytest.raises(sp.errors.LaneTaken, match='it plays one side, and `side="enemies"` is free'):
-        sp.connect("short")
-    before = resource.prlimit(pool.pid, resource.RLIMIT_NOFILE)
-    resource.prlimit(pool.pid, resource.RLIMIT_NOFILE, (first_free(pool.pid), before[1]))
-    with pytest.raises(sp.errors.ConnectError, match="ulimit -n"):
-        sp.connect("short", side="enemies")
-    resource.prlimit(pool.pid, resource.RLIMIT_NOFILE, before)
-    with sp.connect("short", side="enemies") as second:
-        assert sp.status("short")["lanes"][0]["missing_side"] is None
-        second.async_reset(seed=1)
-        assert len(first.recv(timeout=20).env_id) == len(second.recv(timeout=20).env_id) == 2
     first.close()

@@ -85,7 +85,7 @@ def test_a_team_plays_as_load_team_does(decided: Path, own_actions: int, threads
 
 def test_a_lane_with_a_team_looks_like_any_other() -> None:
     with sp.make("3m", num_envs=2, opponent="zoo:3m") as envs, sp.make("3m", num_envs=2) as usual:
-        assert (envs.sides, envs.side, envs.n_actors, envs.obs_size) == ("allies", None, 3, usual.obs_size)
+        assert (envs.sides, envs.n_actors, envs.obs_size) == ("allies", 3, usual.obs_size)
         assert set(envs.fields) == set(usual.fields)
         assert envs.opponents == envs.description["opponents"] == {"learner": 1.0}
         assert envs.opponent_team == envs.description["opponent_team"] == "zoo:3m"

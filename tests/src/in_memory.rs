@@ -1,7 +1,6 @@
 //! A transport of channels and vectors. Everything else of a pool is as in production, so tests with this
 //! transport also run where shared memory does not: under Miri, valgrind and a fuzzer.
 
-use smaclite_engine::Faction;
 use smaclite_pool::fields::Field;
 use smaclite_pool::layout::{BLOCK_ALIGN, Element, Layout};
 use smaclite_pool::transport::{
@@ -27,16 +26,13 @@ impl Transport for InMemory {
 pub struct SentMessage {
     /// The sender's session.
     pub session: u64,
-    /// The sender's side, if the lane has a learner for each.
-    pub side: Option<Faction>,
     /// The sender's count.
     pub number: u64,
     /// The kind of request; `None` for a malformed message.
     pub kind: Option<RequestKind>,
     /// Environments.
     pub env_ids: Vec<i32>,
-    /// What the kind of request has besides; of a step the actions, `n_actors` or those of the side per
-    /// environment.
+    /// What the kind of request has besides; of a step the actions, `n_actors` per environment.
     pub actions: Vec<i32>,
 }
 
@@ -51,8 +47,8 @@ pub struct ReceivedMessage {
 impl Message for ReceivedMessage {
     fn request(&self) -> Request<'_> {
         let (session, number) = (SessionId(self.message.session), RequestNumber(self.message.number));
-        let (side, env_ids, body) = (self.message.side, &self.env_ids[..], &self.actions[..]);
-        Request { session, side, number, kind: self.kind, env_ids, body }
+        let (env_ids, body) = (&self.env_ids[..], &self.actions[..]);
+        Request { session, number, kind: self.kind, env_ids, body }
     }
 }
 

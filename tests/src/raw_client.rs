@@ -170,14 +170,8 @@ impl RawLearner {
 
     /// Sends a request with any number.
     pub fn send_numbered(&self, number: u64, kind: RequestKind, payload: &[u8], count: usize) -> Sent {
-        let header = RequestHeader::new(
-            &self.layout,
-            SessionId(self.session),
-            None,
-            RequestNumber(number),
-            kind,
-            count,
-        );
+        let header =
+            RequestHeader::new(&self.layout, SessionId(self.session), RequestNumber(number), kind, count);
         self.requests.send(header, payload)
     }
 }

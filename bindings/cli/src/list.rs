@@ -148,15 +148,9 @@ fn environments(lane: &LaneStatus) -> String {
 }
 
 fn learner(lane: &LaneStatus) -> String {
-    let process = |pid: Option<u32>| pid.map_or("none".to_owned(), |pid| format!("process {pid}"));
-    let has_sides = lane.missing_side.is_some() || lane.enemy_learner_pid.is_some();
     match &lane.failure {
         Some(_) => "failed".to_owned(),
-        None if has_sides => {
-            let (allies, enemies) = (process(lane.learner_pid), process(lane.enemy_learner_pid));
-            format!("allies: {allies}, enemies: {enemies}")
-        }
-        None => process(lane.learner_pid),
+        None => lane.learner_pid.map_or("none".to_owned(), |pid| format!("process {pid}")),
     }
 }
 

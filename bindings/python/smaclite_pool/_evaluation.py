@@ -146,7 +146,7 @@ def _check(envs: Any, policy: Any, episodes: int) -> None:
 
 def _player(envs: Envs | Wrapper, policy: Any, against: Any, seed: int | None) -> Policy:
     """A function from a batch to joint actions."""
-    plays_both = envs.sides == "both" and envs.side is None
+    plays_both = envs.sides == "both"
     if against is None:
         agents = _as_policy(envs, "policy", policy, "allies", seed)
         return _for_both_sides(envs, agents) if plays_both else agents
@@ -177,7 +177,7 @@ def _as_policy(
             f"{name} must be a function from a batch to its actions, or the name of a scripted policy, got "
             f"{type(policy).__name__}"
         )
-    if isinstance(policy, ScriptedPolicy) and envs.side is None and policy.side != side:
+    if isinstance(policy, ScriptedPolicy) and policy.side != side:
         raise InvalidRequest(
             f'{name} must be a ScriptedPolicy(..., side="{side}"), got one with side="{policy.side}"'
         )
@@ -201,6 +201,6 @@ def _for_both_sides(envs: Envs | Wrapper, policy: Policy) -> Policy:
 
 
 def _as_enemies_see_it(batch: Batch) -> Batch:
-    """As a learner of the enemies' side gets it: with their fields by the names of the agents'."""
+    """With their fields by the names of the agents'."""
     theirs = {name.removeprefix("enemy_"): name for name in batch.keys() if name.startswith("enemy_")}
     return batch.replace(**{name: batch[field] for name, field in theirs.items()})

@@ -18,7 +18,6 @@ __all__ = [
     "LaneFailed",
     "LaneTaken",
     "NoSuchPool",
-    "OtherLearnerLeft",
     "PoolDied",
     "PoolError",
     "ScenarioError",
@@ -108,10 +107,6 @@ class PoolDied(PoolError, ConnectionError):
 
 class LaneFailed(PoolError, RuntimeError):
     """An internal error stopped the lane. Other lanes of the pool continue."""
-
-
-class OtherLearnerLeft(PoolError, ConnectionError):
-    """The learner of the other side left or died. Close and connect again to go on with another."""
 
 
 class Timeout(PoolError, TimeoutError):

@@ -126,8 +126,6 @@ class Scenario(TypedDict):
 class Capacity(TypedDict):
     """How many frames and requests the memory of a lane has room for."""
 
-    learners: int
-    """2 if each side can have one."""
     max_held_batches: int
     frames_waiting: int
     frames_filling: int
@@ -245,11 +243,7 @@ class LaneStatus(TypedDict):
 
     description: LaneDescription
     learner_pid: int | None
-    """Process id of the attached learner, or of that of the allies."""
-    enemy_learner_pid: int | None
-    """Process id of the attached learner of the enemies, if each side has one."""
-    missing_side: str | None
-    """The side ("allies" or "enemies") whose learner has not come, while the other one waits for it."""
+    """Process id of the attached learner."""
     spectators: int
     """How many are attached."""
     stats: LaneStats

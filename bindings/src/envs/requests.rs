@@ -6,7 +6,7 @@ use crate::convert::{self, Actions, Int32Array, env_ids, require_envs, selected_
 use crate::errors::{client_error, invalid_request};
 use crate::wait::wait_detached;
 use pyo3::prelude::*;
-use smaclite_ipc::{Actions as _, Client, ClientError, WaitOptions};
+use smaclite_ipc::{Client, ClientError, WaitOptions};
 use smaclite_pool::fields::Field;
 use std::time::Duration;
 
@@ -18,9 +18,6 @@ impl Envs {
 
     /// Converts the argument `levels` of a reset of these environments.
     fn levels(&self, levels: &Bound<'_, PyAny>, ids: Option<&[i32]>) -> PyResult<Vec<f32>> {
-        if self.side.is_some() {
-            return Err(client_error(ClientError::OneSide));
-        }
         if self.layout.level_len() == 0 {
             return Err(client_error(ClientError::NoLevels));
         }
@@ -92,22 +89,21 @@ pub(super) enum Start {
     Snapshots(Vec<u8>),
 }
 
-/// Writes actions straight into shared memory and sends them, without a wait if the pool reads its requests.
-/// The learner's thread then has a worker's place in an embedded pool until the next wait ends.
+/// Sends actions, without a wait if the pool reads its requests. The thread of a learner in the process of its
+/// pool then works there until the next wait ends.
 pub(super) fn begin_step(
     py: Python<'_>,
     client: &mut Client,
-    mut actions: Actions<'_>,
+    actions: Actions<'_>,
     ids: Option<&[i32]>,
 ) -> PyResult<()> {
     let no_wait = WaitOptions { timeout: Some(Duration::ZERO), interrupted: &mut || false };
-    match client.begin_step(&mut actions, ids, no_wait) {
+    match actions.read(|actions| client.begin_step(actions, ids, no_wait)) {
         Err(ClientError::NotAccepted { .. }) => {
             // The arrays must not be read while other Python code runs.
-            let mut copy = vec![0; actions.count()];
-            actions.write_to(&mut copy);
+            let actions = actions.read(<[i32]>::to_vec);
             let ids = ids.map(<[i32]>::to_vec);
-            wait_detached(py, None, |wait| client.begin_step(&mut copy.as_slice(), ids.as_deref(), wait))
+            wait_detached(py, None, |wait| client.begin_step(&actions, ids.as_deref(), wait))
         }
         sent => sent.map_err(client_error),
     }

@@ -1,7 +1,7 @@
 //! Attaching to a lane: the request to the supervisor, and the ports of iceoryx2.
 
-use super::epochs::Epochs;
 use super::error::ConnectError;
+use super::outstanding::Outstanding;
 use super::sampler::Sampler;
 use super::{AttachedLane, Client};
 use crate::CHECK_INTERVAL;
@@ -16,11 +16,10 @@ use crate::services::{
     FramePort, IpcListener, IpcNode, IpcNotifier, LaneServices, RequestPublisher, WorkEvent, open_node,
 };
 use crate::wait_options::WaitOptions;
-use smaclite_engine::Faction;
-use smaclite_engine::policy::Tactic;
 use smaclite_pool::WaitStrategy;
 use smaclite_pool::layout::Layout;
 use smaclite_pool::transport::{RequestNumber, SessionId};
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -61,40 +60,6 @@ impl Client {
         strategy: WaitStrategy,
         wait: WaitOptions<'_>,
     ) -> Result<Client, ConnectError> {
-        Client::connect_as(runtime_dir, pool, lane, None, None, strategy, wait)
-    }
-
-    /// As [`connect_within`](Client::connect_within), as the learner of one side of a lane whose joint
-    /// actions play both: another learner, in any process, has the other side. A step is made when both have
-    /// sent their actions, and a reset when both have asked for it. The batches have the fields of the own
-    /// side, with the names and the sizes that those of the agents have. When the other learner leaves, the
-    /// scripted policy `on_leave` plays its side; without one the session ends with
-    /// [`Rejection::OtherLearnerLeft`](smaclite_pool::Rejection::OtherLearnerLeft).
-    ///
-    /// # Errors
-    /// As [`connect_within`](Client::connect_within), and if the lane does not have two sides, or steps
-    /// asynchronously.
-    pub fn connect_to_side(
-        runtime_dir: &RuntimeDir,
-        pool: &str,
-        lane: Option<&str>,
-        side: Faction,
-        on_leave: Option<Tactic>,
-        strategy: WaitStrategy,
-        wait: WaitOptions<'_>,
-    ) -> Result<Client, ConnectError> {
-        Client::connect_as(runtime_dir, pool, lane, Some(side), on_leave, strategy, wait)
-    }
-
-    fn connect_as(
-        runtime_dir: &RuntimeDir,
-        pool: &str,
-        lane: Option<&str>,
-        side: Option<Faction>,
-        on_leave: Option<Tactic>,
-        strategy: WaitStrategy,
-        wait: WaitOptions<'_>,
-    ) -> Result<Client, ConnectError> {
         let WaitOptions { timeout, interrupted } = wait;
         let begin = Instant::now();
         loop {
@@ -104,7 +69,7 @@ impl Client {
                 _ => left.map(|left| left.max(CHECK_INTERVAL)),
             };
             let wait = WaitOptions { timeout: for_answer, interrupted: &mut *interrupted };
-            match Client::attach(runtime_dir, pool, lane, side, on_leave, strategy, wait) {
+            match Client::attach(runtime_dir, pool, lane, strategy, wait) {
                 Err(ConnectError::Control(
                     ControlSocketError::NoSuchPool { .. } | ControlSocketError::Gone { .. },
                 )) if left != Some(Duration::ZERO) => {
@@ -122,39 +87,35 @@ impl Client {
         runtime_dir: &RuntimeDir,
         pool: &str,
         lane: Option<&str>,
-        side: Option<Faction>,
-        on_leave: Option<Tactic>,
         strategy: WaitStrategy,
         mut wait: WaitOptions<'_>,
     ) -> Result<Client, ConnectError> {
-        let request = ControlRequest::Attach { lane: lane.map(str::to_owned), side, on_leave };
+        let request = ControlRequest::Attach { lane: lane.map(str::to_owned) };
         let (mut control, response) = ControlClient::request(runtime_dir, pool, &request, wait.reborrow())?;
-        let (session, mut description) = match response {
+        let (session, description) = match response {
             ControlResponse::Attached { session, lane } => (session, *lane),
             ControlResponse::Refused(refusal) => return Err(refusal.into()),
             other => return Err(ControlError::unexpected(&other).into()),
         };
-        let mut layout = checked_layout(&description)?;
-        if let Some(side) = side {
-            layout = layout.of_side(side);
-            description.sizes = layout.sizes();
-        }
-        let layout = Arc::new(layout);
+        let layout = Arc::new(checked_layout(&description)?);
         let ports = Ports::open(runtime_dir, &description, &layout);
         let ports = ports.map_err(|error| control.cause_of(error))?;
         connect_ports(&mut control, ports.numbers(), wait)?;
         let lane = AttachedLane {
-            participant: None,
+            local: None,
             ports,
             control,
+            all_ids: (0..description.settings.num_envs as i32).collect(),
             session: SessionId(session),
-            epochs: Epochs::new(&description.settings),
+            epoch: None,
+            sequence: None,
+            outstanding: Outstanding::new(&description.settings),
+            refused: VecDeque::new(),
             sampler: Sampler::new(description.settings.seed),
             newest: None,
             polling: strategy.polling(description.threads),
             description,
             layout,
-            side,
             last_request: RequestNumber(0),
             failure: None,
         };
@@ -175,7 +136,7 @@ impl Ports {
         let work_event = WorkEvent::open(&ipc_node.node, &lane.instance)?;
         let failures = Failures::default();
         let requests = services.request_publisher(layout, num_envs, capacity, &failures)?;
-        reserve_segments::<ConnectError>(runtime_dir, "requests of a learner", &mut || false)?;
+        reserve_segments::<ConnectError>("requests of a learner", &mut || false)?;
         let frames = Arc::new(services.frame_port(capacity.frames_waiting, &ipc_node, &failures)?);
         failures.check()?;
         let (frame_sent, work) = (services.frame_listener()?, work_event.notifier()?);

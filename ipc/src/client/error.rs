@@ -6,9 +6,8 @@ use crate::os::memory::TooLittleMemory;
 use crate::process_owned::NotOwner;
 use crate::runtime_dir::RuntimeDirError;
 use crate::services::IpcError;
-use smaclite_engine::{Faction, Sizes};
+use smaclite_engine::Sizes;
 use smaclite_pool::Rejection;
-use smaclite_pool::rejection::side_name;
 use std::time::Duration;
 
 /// Why a client could not attach.
@@ -41,11 +40,6 @@ pub enum ClientError {
     Rejected(#[from] Rejection),
     #[error("got {given} actions; {envs} environments of {} take {expected}", of_each(sizes))]
     WrongLength { given: usize, envs: usize, sizes: Sizes, expected: usize },
-    #[error(
-        "a learner of one side cannot restore or fork battles or choose levels: battles are the other \
-         learner's, too"
-    )]
-    OneSide,
     #[error("this lane has no snapshots: name the field `snapshot` among its fields when it is made")]
     NoSnapshots,
     #[error(
@@ -70,11 +64,6 @@ pub enum ClientError {
         in_seconds(*.0)
     )]
     Timeout(Duration),
-    #[error(
-        "no batch arrived within {} s: the learner of the {} has not attached; it is still under way: \
-         receive it later, or reset", in_seconds(*time), side_name(*missing)
-    )]
-    OtherLearnerMissing { time: Duration, missing: Faction },
     #[error(
         "the pool accepted no request for {} s: its supervisor is stopped or overloaded; nothing was sent, \
          try again",

@@ -2,11 +2,9 @@
 //! of this one; in that case the learner's thread steps environments while it waits (caller runs).
 //!
 //! `attach` opens a lane, `sending` and `receiving` are the two directions of a step, `outstanding` knows
-//! which environments work on a request, `epochs` what becomes of that when all are reset, and `sampler`
-//! draws random actions.
+//! which environments work on a request, and `sampler` draws random actions.
 
 mod attach;
-mod epochs;
 mod error;
 mod outstanding;
 mod receiving;
@@ -21,16 +19,15 @@ use crate::control::client::ControlClient;
 use crate::control::protocol::LaneDescription;
 use crate::os::shm_dir::FolderUse;
 use crate::process_owned::ProcessOwned;
-use crate::services::FrameSample;
 use crate::transport::Iceoryx;
 use crate::wait_options::WaitOptions;
 use attach::Ports;
-use epochs::Epochs;
+use outstanding::Outstanding;
 use sampler::Sampler;
-use smaclite_engine::Faction;
 use smaclite_pool::layout::Layout;
 use smaclite_pool::transport::{RequestNumber, SessionId};
-use smaclite_pool::{Participant, Polling, Rejection};
+use smaclite_pool::{LocalLearner, Polling, Rejection};
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -91,17 +88,23 @@ pub struct Client {
 /// Dropped in this order: the ports before the control connection, so that the supervisor notices the end
 /// when everything else is given back.
 struct AttachedLane {
-    /// Of a learner that takes part in the pool of its own process.
-    participant: Option<Participant<Iceoryx>>,
+    /// Of a learner in the process of its pool.
+    local: Option<LocalLearner<Iceoryx>>,
     ports: Ports,
     control: ControlClient,
     description: LaneDescription,
     /// Of the frames as this learner reads them.
     layout: Arc<Layout>,
-    /// The side of this learner, if the lane has a learner for each.
-    side: Option<Faction>,
+    /// `[num_envs]`: the ids of all environments.
+    all_ids: Arc<[i32]>,
     session: SessionId,
-    epochs: Epochs<FrameSample>,
+    /// The last reset of all environments. Frames of earlier ones are dropped.
+    epoch: Option<RequestNumber>,
+    /// Of the last frame of this epoch.
+    sequence: Option<u64>,
+    outstanding: Outstanding,
+    /// Requests that this thread ordered in vain.
+    refused: VecDeque<(RequestNumber, Rejection)>,
     sampler: Sampler,
     /// The batch that was received last, which actions are sampled by.
     newest: Option<Arc<Batch>>,
@@ -121,11 +124,6 @@ impl Client {
     /// Its use of the folder of the pool's files, which every batch prolongs.
     pub fn folder_use(&self) -> FolderUse {
         self.lane.ports.frames.folder_use()
-    }
-
-    /// The side of this learner, if the lane has a learner for each.
-    pub fn side(&self) -> Option<Faction> {
-        self.lane.side
     }
 
     /// Where each field of a batch lies.
@@ -153,7 +151,8 @@ impl Client {
 
     /// As [`send_reset`](Client::send_reset) to levels, f32 `[count, n_units, 5]` as the field `level`, which
     /// the lane must have: the episodes begin with these units. If the lane refuses the request, the next
-    /// [`recv`](Client::recv) says which level is wrong, and why, and no environment changed.
+    /// [`recv`](Client::recv) says which level is wrong, and why, and no environment changed. The results that
+    /// a reset of every environment drops are dropped all the same.
     pub fn send_reset_to(
         &mut self,
         levels: &[f32],
@@ -172,21 +171,20 @@ impl Client {
     /// [`recv`](Client::recv) says why.
     pub fn send(
         &mut self,
-        mut actions: &[i32],
+        actions: &[i32],
         env_ids: Option<&[i32]>,
         wait: WaitOptions<'_>,
     ) -> Result<(), ClientError> {
-        let sent = self.begin_step(&mut actions, env_ids, wait);
+        let sent = self.begin_step(actions, env_ids, wait);
         self.leave();
         sent
     }
 
-    /// As [`send`](Client::send) of `actions`, which are written straight into shared memory.
-    /// [`recv`](Client::recv) or [`leave`](Client::leave) should follow at once: until then an embedded pool
-    /// has a worker less.
+    /// As [`send`](Client::send), but the thread of a learner in the process of its pool stays at work:
+    /// [`recv`](Client::recv) or [`leave`](Client::leave) should follow at once.
     pub fn begin_step(
         &mut self,
-        actions: &mut dyn Actions,
+        actions: &[i32],
         env_ids: Option<&[i32]>,
         mut wait: WaitOptions<'_>,
     ) -> Result<(), ClientError> {
@@ -231,11 +229,11 @@ impl Client {
     /// [`send`](Client::send) and [`recv`](Client::recv).
     pub fn step(
         &mut self,
-        mut actions: &[i32],
+        actions: &[i32],
         env_ids: Option<&[i32]>,
         mut wait: WaitOptions<'_>,
     ) -> Result<Arc<Batch>, ClientError> {
-        self.request(|lane, wait| lane.send_step(&mut actions, env_ids, wait), &mut wait)
+        self.request(|lane, wait| lane.send_step(actions, env_ids, wait), &mut wait)
     }
 
     /// Requests that the environments of `env_ids`, or all in order, take the states of `snapshots`, `[count,
@@ -315,7 +313,7 @@ impl Client {
     pub fn sample_actions(&mut self, env_ids: Option<&[i32]>, out: &mut [i32]) -> Result<(), ClientError> {
         let lane = self.lane.get_mut()?;
         lane.check_length(out.len(), env_ids)?;
-        lane.epochs.outstanding().check_was_reset()?;
+        lane.outstanding.check_was_reset()?;
         let batch = lane.newest.as_ref().ok_or(ClientError::NoBatch)?;
         lane.sampler.fill(batch, env_ids, lane.description.settings.num_envs, out)
     }
@@ -328,19 +326,17 @@ impl Client {
     }
 
     /// From now on this learner takes part in the pool of its own process.
-    pub(crate) fn take_part(&mut self, participant: impl FnOnce(SessionId) -> Option<Participant<Iceoryx>>) {
+    pub(crate) fn take_part(&mut self, learner: impl FnOnce(SessionId) -> Option<LocalLearner<Iceoryx>>) {
         if let Ok(lane) = self.lane.get_mut() {
-            lane.participant = participant(lane.session);
+            lane.local = learner(lane.session);
         }
     }
 
-    /// Gives an embedded pool the worker back that this learner's thread substitutes. All other methods do
-    /// that themselves before they return, but [`begin_step`](Client::begin_step).
+    /// Ends the work of this thread in a pool of its process. All other methods do that themselves before they
+    /// return, but [`begin_step`](Client::begin_step).
     pub fn leave(&mut self) {
-        if let Ok(lane) = self.lane.get_mut()
-            && let Some(participant) = &mut lane.participant
-        {
-            participant.leave();
+        if let Ok(lane) = self.lane.get_mut() {
+            lane.local.as_mut().map(LocalLearner::leave);
         }
     }
 
@@ -351,24 +347,6 @@ impl Client {
             Some(failure) => Err(failure.clone().into()),
             None => Ok(lane),
         }
-    }
-}
-
-/// A joint action for every environment of a request.
-pub trait Actions {
-    /// How many numbers it has: `count * n_actors`.
-    fn count(&self) -> usize;
-    /// Writes them, in row-major order, to memory of that length.
-    fn write_to(&mut self, out: &mut [i32]);
-}
-
-impl Actions for &[i32] {
-    fn count(&self) -> usize {
-        <[i32]>::len(self)
-    }
-
-    fn write_to(&mut self, out: &mut [i32]) {
-        out.copy_from_slice(self);
     }
 }
 

@@ -12,13 +12,14 @@ pub(super) struct Outstanding {
     busy: Vec<Option<RequestNumber>>,
     /// Results still to come.
     results: usize,
-    was_reset: bool,
+    /// The session's first reset, which the lane may have refused; `None` before it was sent.
+    first_reset: Option<RequestNumber>,
 }
 
 impl Outstanding {
     pub(super) fn new(settings: &LaneSettings) -> Outstanding {
         let busy = vec![None; settings.num_envs];
-        Outstanding { synchronous: settings.is_synchronous(), busy, results: 0, was_reset: false }
+        Outstanding { synchronous: settings.is_synchronous(), busy, results: 0, first_reset: None }
     }
 
     /// Results still to come.
@@ -27,17 +28,13 @@ impl Outstanding {
     }
 
     pub(super) fn check_was_reset(&self) -> Result<(), Rejection> {
-        if self.was_reset { Ok(()) } else { Err(Rejection::NotReset) }
+        if self.first_reset.is_some() { Ok(()) } else { Err(Rejection::NotReset) }
     }
 
-    /// Marks the environments of `ids` (all, if `None`) busy with a step.
-    pub(super) fn reserve_step(
-        &mut self,
-        number: RequestNumber,
-        ids: Option<&[i32]>,
-    ) -> Result<(), Rejection> {
-        let (given, expected) = (ids.map_or(self.busy.len(), <[i32]>::len), self.busy.len());
-        if self.synchronous && given != expected && given > 0 && self.was_reset {
+    /// Marks the environments of `ids` busy with a step.
+    pub(super) fn reserve_step(&mut self, number: RequestNumber, ids: &[i32]) -> Result<(), Rejection> {
+        let (given, expected) = (ids.len(), self.busy.len());
+        if self.synchronous && given != expected && given > 0 && self.first_reset.is_some() {
             return Err(Rejection::IncompleteBatch { given, expected });
         }
         self.reserve(number, ids)
@@ -46,7 +43,7 @@ impl Outstanding {
     /// Marks the environments of `ids` busy with a request that a synchronous lane, too, takes for some of
     /// them.
     pub(super) fn reserve_some(&mut self, number: RequestNumber, ids: &[i32]) -> Result<(), Rejection> {
-        self.reserve(number, Some(ids))?;
+        self.reserve(number, ids)?;
         if self.synchronous {
             // The rest of the batch comes along, unchanged.
             self.busy.fill(Some(number));
@@ -55,26 +52,21 @@ impl Outstanding {
         Ok(())
     }
 
-    /// What is outstanding after a reset of all environments, whether or not they work on an earlier request.
-    pub(super) fn after_reset(&self, number: RequestNumber) -> Outstanding {
-        let results = self.busy.len();
-        let busy = vec![Some(number); results];
-        Outstanding { synchronous: self.synchronous, busy, results, was_reset: true }
+    /// Marks all environments busy with a reset, whether or not they work on an earlier request.
+    pub(super) fn reset_all(&mut self, number: RequestNumber) {
+        self.busy.fill(Some(number));
+        self.results = self.busy.len();
+        self.first_reset.get_or_insert(number);
     }
 
-    fn reserve(&mut self, number: RequestNumber, ids: Option<&[i32]>) -> Result<(), Rejection> {
+    fn reserve(&mut self, number: RequestNumber, ids: &[i32]) -> Result<(), Rejection> {
         self.check_was_reset()?;
-        let all = 0..self.busy.len() as i32;
-        let count = ids.map_or(all.len(), <[i32]>::len);
-        if count == 0 {
+        if ids.is_empty() {
             return Err(Rejection::NoEnv); // it would never be answered
         }
-        let reserved = match ids {
-            Some(ids) => ids.iter().try_for_each(|id| self.reserve_env(number, *id)),
-            None => all.into_iter().try_for_each(|id| self.reserve_env(number, id)),
-        };
+        let reserved = ids.iter().try_for_each(|id| self.reserve_env(number, *id));
         match reserved {
-            Ok(()) => self.results += count,
+            Ok(()) => self.results += ids.len(),
             Err(_) => drop(self.clear(number)),
         }
         reserved
@@ -101,6 +93,9 @@ impl Outstanding {
     pub(super) fn release(&mut self, number: RequestNumber) -> bool {
         let freed = self.clear(number);
         self.results = self.results.saturating_sub(freed); // a supervisor may answer twice
+        if freed > 0 && self.first_reset == Some(number) {
+            self.first_reset = None;
+        }
         freed > 0
     }
 
@@ -132,17 +127,18 @@ mod tests {
     /// Of three environments in batches of two, after the first reset.
     fn outstanding() -> Outstanding {
         let settings = LaneSettings { batch_size: 2, ..LaneSettings::new(3) };
-        Outstanding::new(&settings).after_reset(RequestNumber(1))
+        let mut outstanding = Outstanding::new(&settings);
+        outstanding.reset_all(RequestNumber(1));
+        outstanding
     }
 
     /// The refusal said "malformed request", and not what was expected.
     #[test]
     fn a_request_to_no_environment_says_what_is_expected() {
         let mut outstanding = outstanding();
-        for refused in [
-            outstanding.reserve_some(RequestNumber(2), &[]),
-            outstanding.reserve_step(RequestNumber(3), Some(&[])),
-        ] {
+        for refused in
+            [outstanding.reserve_some(RequestNumber(2), &[]), outstanding.reserve_step(RequestNumber(3), &[])]
+        {
             let text = refused.unwrap_err().to_string();
             assert_eq!(text, "a request must name at least one environment, got none");
         }
@@ -152,7 +148,7 @@ mod tests {
     fn a_refused_request_reserves_nothing() {
         let mut outstanding = outstanding();
         outstanding.received(&[0, 2]);
-        let mut step = |number, ids| outstanding.reserve_step(RequestNumber(number), Some(ids));
+        let mut step = |number, ids| outstanding.reserve_step(RequestNumber(number), ids);
         assert!(matches!(step(2, &[0, 1]), Err(Rejection::BusyEnv { env: 1 })));
         assert!(matches!(step(3, &[2, 2]), Err(Rejection::DuplicateEnv { env: 2 })));
         assert!(matches!(step(4, &[0, 3]), Err(Rejection::UnknownEnv { env: 3, .. })));
@@ -172,6 +168,26 @@ mod tests {
             outstanding.reserve_some(RequestNumber(2), &[0, 1]),
             Err(Rejection::BusyEnv { env: 0 })
         ));
-        assert_eq!(outstanding.after_reset(RequestNumber(3)).results(), 3);
+        outstanding.reset_all(RequestNumber(3));
+        assert_eq!(outstanding.results(), 3);
+    }
+
+    /// Whichever of two resets in a row the lane refuses, nothing is expected of it.
+    #[test]
+    fn a_refused_reset_leaves_nothing_outstanding() {
+        let mut outstanding = outstanding();
+        outstanding.received(&[0, 1]);
+        outstanding.reset_all(RequestNumber(2));
+        assert!(!outstanding.release(RequestNumber(1)), "the one before is over");
+        assert!(outstanding.release(RequestNumber(2)));
+        assert_eq!(outstanding.results(), 0);
+        assert!(outstanding.reserve_step(RequestNumber(3), &[0]).is_ok());
+    }
+
+    #[test]
+    fn a_session_whose_first_reset_was_refused_was_not_reset() {
+        let mut outstanding = outstanding();
+        assert!(outstanding.check_was_reset().is_ok() && outstanding.release(RequestNumber(1)));
+        assert!(matches!(outstanding.check_was_reset(), Err(Rejection::NotReset)));
     }
 }

@@ -1,22 +1,17 @@
 //! From the lane to the learner: waiting for a frame, and telling batches from rejections.
 
 use super::AttachedLane;
-use super::epochs::Place;
 use super::error::ClientError;
 use crate::CHECK_INTERVAL;
 use crate::batch::Batch;
-use crate::control::protocol::{ControlRequest, ControlResponse, LaneStatus};
 use crate::services::{FrameSample, doing};
 use crate::wait_options::WaitOptions;
-use crate::wire::{ReceivedFrame, read_frame};
+use crate::wire::{ReceivedFrame, frames_lost, read_frame};
 use iceoryx2::port::ReceiveError;
-use smaclite_pool::transport::RequestNumber;
-use smaclite_pool::{Deadline, Participant, Rejection};
+use smaclite_pool::transport::{Epoch, RequestNumber};
+use smaclite_pool::{Deadline, LocalLearner, Rejection};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
-
-/// How long a learner whose wait ended asks the supervisor whether the other learner is there.
-const STATUS_TIMEOUT: Duration = Duration::from_millis(500);
 
 impl AttachedLane {
     /// Waits for the next batch. The timeout counts from `begin`.
@@ -25,14 +20,13 @@ impl AttachedLane {
         begin: Instant,
         wait: &mut WaitOptions<'_>,
     ) -> Result<Arc<Batch>, ClientError> {
-        let (outstanding, batch_size) =
-            (self.epochs.outstanding().results(), self.description.settings.batch_size);
+        let (outstanding, batch_size) = (self.outstanding.results(), self.description.settings.batch_size);
         if outstanding < batch_size {
             return Err(ClientError::NothingToReceive { outstanding, batch_size });
         }
         let sample = self.wait_for_batch(begin, wait)?;
         let batch = Batch::new(sample, Arc::clone(&self.layout), Arc::clone(&self.ports.frames));
-        self.epochs.outstanding_mut().received(batch.env_id());
+        self.outstanding.received(batch.env_id());
         Ok(Arc::clone(self.newest.insert(Arc::new(batch))))
     }
 
@@ -48,14 +42,14 @@ impl AttachedLane {
             if let Some(sample) = self.receive()? {
                 return Ok(sample);
             }
-            let served = self.participant.as_mut().is_some_and(Participant::serve);
+            let served = self.local.as_mut().is_some_and(LocalLearner::serve);
             if !served && polls.pause_briefly() {
                 continue;
             }
             let now = Instant::now();
             let left = deadline.as_mut().map(|deadline| deadline.left(now));
             if left == Some(Duration::ZERO) {
-                return Err(self.timed_out(wait.timeout.unwrap_or_default()));
+                return Err(ClientError::Timeout(wait.timeout.unwrap_or_default()));
             }
             if now >= next_check {
                 next_check = now + CHECK_INTERVAL;
@@ -79,63 +73,39 @@ impl AttachedLane {
         }
     }
 
-    /// The error of a wait that took this long. Of two learners, the other may not have come.
-    fn timed_out(&mut self, time: Duration) -> ClientError {
-        let missing = self.side.and_then(|_| {
-            let wait = WaitOptions { timeout: Some(STATUS_TIMEOUT), interrupted: &mut || false };
-            match self.control.repeat(&ControlRequest::Status, wait) {
-                Ok((ControlResponse::Status(pool), _)) => {
-                    let own = |lane: &&LaneStatus| lane.description.lane == self.description.lane;
-                    pool.lanes.iter().find(own)?.missing_side
-                }
-                _ => None,
-            }
-        });
-        match missing {
-            Some(missing) => ClientError::OtherLearnerMissing { time, missing },
-            None => ClientError::Timeout(time),
-        }
-    }
-
     /// Blocks until a frame is sent, or for this time. In that time the pool has all its workers.
     fn sleep(&mut self, time: Duration) {
-        if let Some(participant) = &mut self.participant {
-            participant.leave();
-        }
+        self.local.as_mut().map(LocalLearner::leave);
         // Whatever ends this wait, the caller polls again.
         let _ = self.ports.frame_sent.timed_wait(|_| {}, time);
     }
 
     /// The next batch of this session and epoch, if one has arrived.
     fn receive(&mut self) -> Result<Option<FrameSample>, ClientError> {
-        loop {
-            let kept = self.epochs.take_kept()?;
-            let is_kept = kept.is_some();
-            let Some(sample) = kept.map_or_else(|| self.receive_any(), |sample| Ok(Some(sample)))? else {
-                return Ok(None);
-            };
+        while let Some((request, rejection)) = self.refused.pop_front() {
+            self.reject(Some(request), rejection)?;
+        }
+        while let Some(sample) = self.receive_any()? {
             let header = *sample.user_header();
-            let epoch = header.epoch();
+            let Epoch { session, reset } = header.epoch();
             let frame = match read_frame(&header, sample.payload(), &self.layout) {
-                Some(frame) if epoch.session == self.session => frame,
+                Some(frame) if session == self.session => frame,
                 _ => continue,
             };
-            let place =
-                if is_kept { Place::Present } else { self.epochs.arrived(epoch.reset, header.sequence)? };
-            match (frame, place) {
-                (ReceivedFrame::Batch, Place::Present) => return Ok(Some(sample)),
-                (ReceivedFrame::Batch, Place::Over) => {}
-                (ReceivedFrame::Rejection { request: Some(request), .. }, Place::Superseded(index))
-                    if !self.epochs.may_refuse(request) =>
-                {
-                    self.epochs.keep(index, sample, header.sequence);
-                }
-                (ReceivedFrame::Batch, Place::Superseded(index)) => {
-                    self.epochs.keep(index, sample, header.sequence);
-                }
-                (ReceivedFrame::Rejection { request, rejection }, _) => self.reject(request, rejection)?,
+            let is_present = reset == self.epoch;
+            if is_present
+                && let Some((first, last)) =
+                    frames_lost(self.sequence.replace(header.sequence), header.sequence)
+            {
+                return Err(ClientError::FramesLost { first, last });
+            }
+            match frame {
+                ReceivedFrame::Batch if is_present => return Ok(Some(sample)),
+                ReceivedFrame::Batch => {} // of an epoch that is over
+                ReceivedFrame::Rejection { request, rejection } => self.reject(request, rejection)?,
             }
         }
+        Ok(None)
     }
 
     /// The next frame of any session.
@@ -143,10 +113,8 @@ impl AttachedLane {
         loop {
             match self.ports.frames.subscriber.receive() {
                 Ok(sample) => return Ok(sample),
-                // The newest batch is kept for sampling, and others for the case that a reset is refused, as
-                // long as there is room for them.
-                Err(ReceiveError::ExceedsMaxBorrows)
-                    if self.newest.take().is_some() || self.epochs.drop_kept() => {}
+                // The newest batch is kept for sampling, as long as there is room for it.
+                Err(ReceiveError::ExceedsMaxBorrows) if self.newest.take().is_some() => {}
                 Err(ReceiveError::ExceedsMaxBorrows) => {
                     let limit = self.description.capacity.max_held_batches;
                     return Err(ClientError::TooManyHeld { limit });
@@ -159,13 +127,9 @@ impl AttachedLane {
     /// Reports the rejection of a request whose results are outstanding.
     fn reject(&mut self, request: Option<RequestNumber>, rejection: Rejection) -> Result<(), ClientError> {
         match rejection {
-            Rejection::LaneFailed { .. } | Rejection::OtherLearnerLeft { .. } => {
-                self.failure = Some(rejection.clone());
-            }
-            // Of the other learner. This one has not sent its request of that number, or a later one counts.
-            Rejection::TooFarAhead { side, .. } if Some(side) != self.side => return Ok(()),
-            _ if request.is_some_and(|request| self.epochs.refused(request)) => {}
-            _ => return Ok(()),
+            Rejection::LaneFailed { .. } => self.failure = Some(rejection.clone()),
+            _ if request.is_some_and(|request| self.outstanding.release(request)) => {}
+            _ => return Ok(()), // a later reset took its place
         }
         Err(rejection.into())
     }

@@ -1,15 +1,18 @@
-//! From the learner to the lane: a request is checked, written into shared memory, and sent.
+//! From the learner to the lane: a request is checked, and then written into shared memory and sent, or, to a
+//! lane of this process, ordered by this thread.
 
+use super::AttachedLane;
 use super::error::ClientError;
-use super::{Actions, AttachedLane};
 use crate::CHECK_INTERVAL;
 use crate::services::doing;
 use crate::wait_options::WaitOptions;
 use crate::wire::{RequestHeader, body_offset, request_bytes};
 use smaclite_engine::{RecordLayout, RecordSizes, SnapshotError};
+use smaclite_pool::Deadline;
 use smaclite_pool::env_ids::env_index;
-use smaclite_pool::transport::{MAX_AHEAD, RequestKind};
-use smaclite_pool::{Deadline, Rejection};
+use smaclite_pool::transport::{Request, RequestKind, RequestNumber};
+use std::borrow::Cow;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// How long a supervisor may leave its queue of requests full. Even its busy workers look for requests after
@@ -19,38 +22,19 @@ const SEND_TIMEOUT: Duration = Duration::from_secs(5);
 /// How often to try again while the queue is full.
 const RETRY_INTERVAL: Duration = Duration::from_micros(50);
 
-/// What follows the environments of a request.
-enum Body<'a> {
-    Nothing,
-    Actions(&'a mut dyn Actions),
-    Snapshots(&'a [u8]),
-    Levels(&'a [f32]),
-    Envs(&'a [i32]),
-}
-
-impl Body<'_> {
-    fn write_to(&mut self, out: &mut [u8]) {
-        match self {
-            Body::Nothing => {}
-            Body::Actions(actions) => actions.write_to(bytemuck::cast_slice_mut(out)),
-            Body::Snapshots(records) => out.copy_from_slice(records),
-            Body::Levels(levels) => out.copy_from_slice(bytemuck::cast_slice(levels)),
-            Body::Envs(envs) => out.copy_from_slice(bytemuck::cast_slice(envs)),
-        }
-    }
-}
-
 impl AttachedLane {
     /// Sends actions, `[count, n_actors]`.
     pub(super) fn send_step(
         &mut self,
-        actions: &mut dyn Actions,
+        actions: &[i32],
         env_ids: Option<&[i32]>,
         wait: &mut WaitOptions<'_>,
     ) -> Result<(), ClientError> {
-        self.check_length(actions.count(), env_ids)?;
-        self.epochs.outstanding_mut().reserve_step(self.last_request.next(), env_ids)?;
-        self.send(RequestKind::Step, env_ids, Body::Actions(actions), wait)
+        self.check_length(actions.len(), env_ids)?;
+        let all = Arc::clone(&self.all_ids);
+        let ids = env_ids.unwrap_or(&all);
+        self.outstanding.reserve_step(self.last_request.next(), ids)?;
+        self.send(RequestKind::Step, ids, bytemuck::cast_slice(actions), wait)
     }
 
     pub(super) fn send_reset(
@@ -65,37 +49,22 @@ impl AttachedLane {
         }
         let number = self.last_request.next();
         let kind = RequestKind::Reset { seed, levels: levels.is_some() };
-        let body = levels.map_or(Body::Nothing, Body::Levels);
-        if let Some(ids) = env_ids
-            && !self.epochs.outstanding().names_all(ids)
-        {
-            self.epochs.outstanding_mut().reserve_some(number, ids)?;
-            return self.send(kind, env_ids, body, wait);
+        let body = bytemuck::cast_slice(levels.unwrap_or_default());
+        let all = Arc::clone(&self.all_ids);
+        let ids = env_ids.unwrap_or(&all);
+        if env_ids.is_some() && !self.outstanding.names_all(ids) {
+            self.outstanding.reserve_some(number, ids)?;
+            return self.send(kind, ids, body, wait);
         }
-        // Only a reset that was sent begins an epoch: otherwise results of the current one are still to come.
-        self.check_ahead()?;
-        self.send(kind, env_ids, body, wait)?;
-        // Of a plain one there is nothing to refuse, unless the learner of the other side asks for something
-        // else.
-        self.epochs.begin(number, levels.is_some() || self.side.is_some());
+        // Only a reset that was sent begins an epoch: otherwise results of the present one are still to come.
+        self.send(kind, ids, body, wait)?;
+        self.outstanding.reset_all(number);
+        (self.epoch, self.sequence) = (Some(number), None);
         Ok(())
-    }
-
-    /// Whether the learner of a side may send one request more before the other learner sends its own.
-    fn check_ahead(&self) -> Result<(), Rejection> {
-        match self.side {
-            Some(side) if self.epochs.unanswered() >= MAX_AHEAD => {
-                Err(Rejection::TooFarAhead { side, waiting: MAX_AHEAD })
-            }
-            _ => Ok(()),
-        }
     }
 
     fn check_levels(&self, levels: &[f32], env_ids: Option<&[i32]>) -> Result<(), ClientError> {
         let (envs, size) = (self.count(env_ids), self.layout.level_len());
-        if self.side.is_some() {
-            return Err(ClientError::OneSide);
-        }
         if size == 0 {
             return Err(ClientError::NoLevels);
         }
@@ -119,7 +88,8 @@ impl AttachedLane {
             let difference = self.difference(snapshots, envs);
             return Err(ClientError::WrongSnapshots { given: snapshots.len(), envs, size, difference });
         }
-        self.send_to_some(RequestKind::Restore { seed }, env_ids, Body::Snapshots(snapshots), wait)
+        let all = Arc::clone(&self.all_ids);
+        self.send_to_some(RequestKind::Restore { seed }, env_ids.unwrap_or(&all), snapshots, wait)
     }
 
     /// What differs between the battles of snapshots, of which there are `count`, and those of the lane.
@@ -164,90 +134,94 @@ impl AttachedLane {
         }
         let num_envs = self.description.settings.num_envs;
         from.iter().try_for_each(|env| env_index(*env, num_envs).map(drop))?;
-        self.send_to_some(RequestKind::Fork { seed }, Some(to), Body::Envs(from), wait)
+        self.send_to_some(RequestKind::Fork { seed }, to, bytemuck::cast_slice(from), wait)
     }
 
     fn send_to_some(
         &mut self,
         kind: RequestKind,
-        env_ids: Option<&[i32]>,
-        body: Body<'_>,
+        ids: &[i32],
+        body: &[u8],
         wait: &mut WaitOptions<'_>,
     ) -> Result<(), ClientError> {
-        let all: Vec<i32>;
-        let ids = match env_ids {
-            Some(ids) => ids,
-            None => {
-                all = (0..self.description.settings.num_envs as i32).collect();
-                &all
-            }
-        };
-        if self.side.is_some() {
-            return Err(ClientError::OneSide);
-        }
-        self.epochs.outstanding_mut().reserve_some(self.last_request.next(), ids)?;
-        self.send(kind, Some(ids), body, wait)
+        self.outstanding.reserve_some(self.last_request.next(), ids)?;
+        self.send(kind, ids, body, wait)
     }
 
-    /// Sends a request whose environments are reserved, and frees them if it cannot be sent. Its number is
-    /// used up only if it was: the learners of two sides count together.
+    /// Sends a request whose environments are reserved, and frees them if it cannot be sent.
     fn send(
         &mut self,
         kind: RequestKind,
-        env_ids: Option<&[i32]>,
-        mut body: Body<'_>,
+        ids: &[i32],
+        body: &[u8],
         wait: &mut WaitOptions<'_>,
     ) -> Result<(), ClientError> {
         let number = self.last_request.next();
-        if let Some(participant) = &mut self.participant {
-            participant.join();
-        }
-        let count = self.count(env_ids);
-        let header = RequestHeader::new(&self.layout, self.session, self.side, number, kind, count);
-        let mut full_queue = None;
-        loop {
-            let ended = match self.try_send(&header, kind, env_ids, &mut body) {
-                Ok(true) => {
-                    self.last_request = number;
-                    return Ok(());
-                }
-                Ok(false) if !self.control.is_alive() => Err(self.pool_died()),
-                Ok(false) => full_queue.get_or_insert_with(|| FullQueue::new(wait.timeout)).wait(wait),
-                Err(error) => Err(error),
-            };
-            if ended.is_err() {
-                self.epochs.outstanding_mut().release(number);
-                return ended;
+        let sent = match &mut self.local {
+            None => self.send_message(number, kind, ids, body, wait),
+            Some(local) => {
+                let request =
+                    Request { session: self.session, number, kind, env_ids: ids, body: &integers(body) };
+                // As a lane of another process does, it answers when its results are received.
+                self.refused.extend(local.order(&request).err().map(|rejection| (number, rejection)));
+                Ok(())
             }
+        };
+        match sent {
+            Ok(()) => self.last_request = number,
+            Err(_) => drop(self.outstanding.release(number)),
         }
+        sent
+    }
+
+    /// Sends a request to another process.
+    fn send_message(
+        &self,
+        number: RequestNumber,
+        kind: RequestKind,
+        ids: &[i32],
+        body: &[u8],
+        wait: &mut WaitOptions<'_>,
+    ) -> Result<(), ClientError> {
+        let header = RequestHeader::new(&self.layout, self.session, number, kind, ids.len());
+        let mut full_queue = None;
+        while !self.try_send(&header, ids, body, request_bytes(&self.layout, kind, ids.len()))? {
+            if !self.control.is_alive() {
+                return Err(self.pool_died());
+            }
+            full_queue.get_or_insert_with(|| FullQueue::new(wait.timeout)).wait(wait)?;
+        }
+        Ok(())
     }
 
     /// Writes the request into shared memory and sends it; `false` if the supervisor's queue is full.
     fn try_send(
         &self,
         header: &RequestHeader,
-        kind: RequestKind,
-        env_ids: Option<&[i32]>,
-        body: &mut Body<'_>,
+        ids: &[i32],
+        body: &[u8],
+        bytes: usize,
     ) -> Result<bool, ClientError> {
-        let count = header.count as usize;
-        let loan = self.ports.requests.loan_slice(request_bytes(&self.layout, kind, count));
-        let mut sample = loan.map_err(doing("loaning memory for a request"))?;
+        let mut sample =
+            self.ports.requests.loan_slice(bytes).map_err(doing("loaning memory for a request"))?;
         *sample.user_header_mut() = *header;
         let payload = sample.payload_mut();
-        let ids: &mut [i32] = bytemuck::cast_slice_mut(&mut payload[..count * size_of::<i32>()]);
-        match env_ids {
-            Some(given) => ids.copy_from_slice(given),
-            None => ids.iter_mut().zip(0..).for_each(|(id, env)| *id = env),
-        }
-        body.write_to(payload.get_mut(body_offset(count)..).unwrap_or_default());
+        payload[..size_of_val(ids)].copy_from_slice(bytemuck::cast_slice(ids));
+        payload.get_mut(body_offset(ids.len())..).unwrap_or_default().copy_from_slice(body);
         let delivered = sample.send();
-        match &self.participant {
-            Some(participant) => participant.accept(),
-            // Fails only if the supervisor's event is gone, and then so is the supervisor.
-            None => drop(self.ports.work.notify()),
-        }
+        // Fails only if the supervisor's event is gone, and then so is the supervisor.
+        let _ = self.ports.work.notify();
         Ok(matches!(delivered, Ok(receivers) if receivers > 0))
+    }
+}
+
+/// Bytes as integers; copied if they are not aligned, which those of snapshots need not be.
+fn integers(bytes: &[u8]) -> Cow<'_, [i32]> {
+    match bytemuck::try_cast_slice(bytes) {
+        Ok(integers) => Cow::Borrowed(integers),
+        Err(_) => {
+            Cow::Owned(bytes.chunks_exact(size_of::<i32>()).map(bytemuck::pod_read_unaligned).collect())
+        }
     }
 }
 

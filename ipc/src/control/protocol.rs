@@ -4,16 +4,14 @@
 use crate::capacity::Capacity;
 pub use crate::connections::PeerPorts;
 use serde::{Deserialize, Serialize};
-use smaclite_engine::policy::Tactic;
 use smaclite_engine::{Faction, Opponents, Rewards, Sides, Sizes};
 use smaclite_pool::fields::FIELDS;
 use smaclite_pool::layout::Layout;
-use smaclite_pool::rejection::side_name;
 use smaclite_pool::{LaneSettings, LaneStats};
 use smaclite_scenarios::ScenarioFiles;
 
 /// Increased whenever a request or response changes, or what is played again from it.
-pub const PROTOCOL_VERSION: u32 = 7;
+pub const PROTOCOL_VERSION: u32 = 8;
 
 /// The release of this program.
 pub const RELEASE: &str = env!("CARGO_PKG_VERSION");
@@ -50,7 +48,7 @@ impl<T> Message<T> {
     }
 }
 
-/// `release 0.1.0 (protocol 6)`.
+/// `release 0.1.0 (protocol 8)`.
 pub(crate) fn release_text(release: &str, version: u32) -> String {
     format!("release {} (protocol {version})", release.escape_default())
 }
@@ -72,10 +70,6 @@ pub enum ControlRequest {
     Attach {
         /// The lane's name.
         lane: Option<String>,
-        /// The side, to be the learner of that side alone.
-        side: Option<Faction>,
-        /// What plays the other side when its learner leaves; without it the session ends.
-        on_leave: Option<Tactic>,
     },
     /// Connect to the ports of the learner or spectator that this connection became; its second request.
     Connect(PeerPorts),
@@ -158,17 +152,8 @@ pub enum ControlResponse {
 #[serde(tag = "error", rename_all = "snake_case")]
 #[allow(missing_docs)] // the messages say it
 pub enum ControlError {
-    #[error(
-        "lane `{lane}` has no learner per side: its actions must play both sides, and it must be synchronous"
-    )]
-    NoSides { lane: String },
-    #[error("lane `{lane}` already has a learner: process {learner_pid}{}", or_side(*free_side))]
-    LaneTaken {
-        lane: String,
-        learner_pid: u32,
-        /// The side that is free, if each side of the lane has a learner of its own.
-        free_side: Option<Faction>,
-    },
+    #[error("lane `{lane}` already has a learner: process {learner_pid}")]
+    LaneTaken { lane: String, learner_pid: u32 },
     #[error("lane `{lane}` already has its {limit} spectators; serve it with more (--spectators)")]
     TooManySpectators { lane: String, limit: usize },
     #[error("lane `{lane}` already has its {limit} followers; end one of them")]
@@ -209,12 +194,6 @@ impl ControlError {
     }
 }
 
-/// What the learner of a whole lane can do that came to one whose learners play a side each.
-fn or_side(free: Option<Faction>) -> String {
-    let hint = |side| format!("; it plays one side, and `side=\"{}\"` is free", side_name(side));
-    free.map_or(String::new(), hint)
-}
-
 fn names(lanes: &[String]) -> String {
     lanes.iter().map(|l| format!("`{l}`")).collect::<Vec<_>>().join(", ")
 }
@@ -243,10 +222,6 @@ pub struct LaneStatus {
     pub description: LaneDescription,
     /// The process of its learner, if it has one.
     pub learner_pid: Option<u32>,
-    /// The process of the learner of the enemies, if each side has one; then `learner_pid` is of the allies.
-    pub enemy_learner_pid: Option<u32>,
-    /// The side whose learner has not come, while that of the other side waits for it.
-    pub missing_side: Option<Faction>,
     /// Spectators that watch it.
     pub spectators: usize,
     /// Counts since the supervisor started.
@@ -355,7 +330,7 @@ mod tests {
             sides: Sides::default(),
             rewards: Rewards::DEFAULT,
             layout_hash: 0,
-            capacity: Capacity::new(&settings, Sides::Allies, 1, 2, 0),
+            capacity: Capacity::new(&settings, 1, 2, 0),
             threads: 2,
         }
     }

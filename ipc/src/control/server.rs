@@ -5,7 +5,7 @@ use super::protocol::{
     ControlError, ControlRequest, ControlResponse, MAX_REQUEST, Message, PROTOCOL_VERSION, PoolStatus,
     RELEASE, Sender, release_text,
 };
-use super::served_lane::{AttachedLearner, ServedLane};
+use super::served_lane::ServedLane;
 use crate::CHECK_INTERVAL;
 use crate::connections::{LanePorts, PeerPorts};
 use crate::error::remedy;
@@ -13,8 +13,6 @@ use crate::os::Direction;
 use crate::os::socket::{Listener, Process, Spare, Stream, Waiting, has_ended, peer_of, wait, watch_process};
 use crate::services::{IpcNode, LaneServices, WorkEvent};
 use crate::transport::Iceoryx;
-use smaclite_engine::Faction;
-use smaclite_engine::policy::Tactic;
 use smaclite_pool::Pool;
 use smaclite_pool::transport::SessionId;
 use std::collections::VecDeque;
@@ -75,7 +73,7 @@ struct Connection {
 #[derive(PartialEq)]
 enum Role {
     None,
-    Learner(usize, Option<Faction>),
+    Learner(usize),
     Spectator(usize),
     Follower(usize, Followed),
 }
@@ -262,9 +260,7 @@ impl ControlServer {
     ) -> Result<ControlResponse, ControlError> {
         match request {
             ControlRequest::Status => Ok(ControlResponse::Status(self.status())),
-            ControlRequest::Attach { lane, side, on_leave } => {
-                self.attach(connection, lane, side, on_leave, sessions)
-            }
+            ControlRequest::Attach { lane } => self.attach(connection, lane, sessions),
             ControlRequest::Connect(ports) => self.connect(connection, &ports),
             ControlRequest::Watch { lane } => self.watch(connection, lane),
             ControlRequest::Scenario { lane } => self.scenario(lane),
@@ -277,35 +273,24 @@ impl ControlServer {
         &mut self,
         connection: &mut Connection,
         lane: Option<String>,
-        side: Option<Faction>,
-        on_leave: Option<Tactic>,
         sessions: &mut u64,
     ) -> Result<ControlResponse, ControlError> {
         let pid = self.candidate(connection)?;
         let index = self.find(lane)?;
         let lane = &mut self.lanes[index];
         let name = lane.description.lane.clone();
-        if side.is_some() && !lane.has_sides() {
-            return Err(ControlError::NoSides { lane: name });
-        }
-        if let Some(learner_pid) = lane.rival(side) {
-            let free_side = lane.missing_side().filter(|_| side.is_none());
-            return Err(ControlError::LaneTaken { lane: name, learner_pid, free_side });
+        if let Some(learner_pid) = lane.learner_pid {
+            return Err(ControlError::LaneTaken { lane: name, learner_pid });
         }
         if let Some(text) = self.pool.lane(index).failure() {
             return Err(ControlError::LaneFailed { lane: name, text: text.to_owned() });
         }
-        // The second of two learners joins the session of the first.
-        let joined = lane.learners.first().map(|other| other.session);
-        let session = joined.unwrap_or(*sessions + 1);
-        if joined.is_none() {
-            *sessions = session;
-            self.pool.lane(index).set_session(Some(SessionId(session)));
-        }
-        lane.learners.push(AttachedLearner { pid, side, session, is_connected: false, on_leave });
-        connection.take_role(Role::Learner(index, side));
-        tracing::info!(lane = name, pid, ?side, "learner attached");
-        Ok(ControlResponse::Attached { session, lane: Box::new(lane.description.clone()) })
+        *sessions += 1;
+        self.pool.lane(index).set_session(Some(SessionId(*sessions)));
+        lane.learner_pid = Some(pid);
+        connection.take_role(Role::Learner(index));
+        tracing::info!(lane = name, pid, "learner attached");
+        Ok(ControlResponse::Attached { session: *sessions, lane: Box::new(lane.description.clone()) })
     }
 
     /// The second half of an attach, when the peer has opened its ports.
@@ -314,7 +299,7 @@ impl ControlServer {
         connection: &Connection,
         ports: &PeerPorts,
     ) -> Result<ControlResponse, ControlError> {
-        let (Role::Learner(index, _) | Role::Spectator(index)) = connection.role else {
+        let (Role::Learner(index) | Role::Spectator(index)) = connection.role else {
             let what = "only a learner or a spectator has ports to connect to".to_owned();
             return Err(ControlError::Malformed { what });
         };
@@ -322,10 +307,6 @@ impl ControlServer {
             let (pool, pid) = (self.name.clone(), std::process::id());
             ControlError::NotConnected { pool, pid, cause }
         })?;
-        if let Role::Learner(index, side) = connection.role {
-            let learners = self.lanes[index].learners.iter_mut();
-            learners.filter(|learner| learner.side == side).for_each(|learner| learner.is_connected = true);
-        }
         Ok(ControlResponse::Connected)
     }
 
@@ -385,23 +366,11 @@ impl ControlServer {
             Role::None => {}
             Role::Spectator(index) => self.lanes[index].spectators -= 1,
             Role::Follower(index, ref followed) => self.unfollow(index, followed),
-            Role::Learner(index, side) => {
+            Role::Learner(index) => {
                 // If it died, its successor gets the memory of the frames that it held.
                 self.ipc_node.node.try_cleanup_dead_nodes();
-                let lane = &mut self.lanes[index];
-                let left = lane.learners.extract_if(.., |learner| learner.side == side).next();
-                if left.is_some_and(|left| !left.is_connected) && !lane.learners.is_empty() {
-                    return; // it never took part: the other learner goes on waiting for one
-                }
-                let other = lane.learners.first().map(|other| other.on_leave);
-                // Nobody joins the learner that is left.
-                lane.is_session_over = other.is_some();
-                let lane = self.pool.lane(index);
-                match side.zip(other) {
-                    None => lane.set_session(None),
-                    Some((side, None)) => lane.end_session(side),
-                    Some((side, Some(tactic))) => lane.stand_in(side, tactic),
-                }
+                self.lanes[index].learner_pid = None;
+                self.pool.lane(index).set_session(None);
                 tracing::info!(
                     lane = self.lanes[index].description.lane,
                     pid = connection.pid,

@@ -127,7 +127,7 @@ impl LaneConfig {
             sides,
             rewards: *arena.rewards(),
             layout_hash: settings.layout(settings.frame_sizes(sizes)).hash(),
-            capacity: Capacity::new(&settings, sides, pool.writers, self.max_held_batches, self.spectators),
+            capacity: Capacity::new(&settings, pool.writers, self.max_held_batches, self.spectators),
             threads: pool.threads,
         };
         Ok(PreparedLane { spec, description, files })
@@ -171,8 +171,8 @@ impl SupervisorConfig {
         let options = PoolOptions { threads: options.threads.max(1), ..options };
         let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_nanos());
         let instance = format!("{name}.{}.{since_epoch:x}", std::process::id());
-        let (threads, learners) = (options.threads, lanes.len());
-        let writers = threads + threads.min(learners);
+        let threads = options.threads;
+        let writers = threads + 1; // a learner of this process works on its lane, too
         let pool = PoolInfo { name: &name, instance: &instance, threads, writers };
         let mut arenas = Arenas::new();
         let lanes = lanes.into_iter().map(|lane| lane.prepare(&pool, &mut arenas));
@@ -182,7 +182,7 @@ impl SupervisorConfig {
         let clients = lanes.iter().map(|PreparedLane { spec, description, .. }| {
             let capacity = description.capacity;
             let requests = capacity.request_memory(&spec.layout(), spec.settings.num_envs);
-            capacity.learners * requests + (1 + capacity.learners + capacity.spectators) * PORTS
+            requests + (2 + capacity.spectators) * PORTS
         });
         check_room(
             shared_memory + clients.sum::<usize>(),

@@ -75,7 +75,7 @@ impl Supervisor {
             StartError::Ipc(error) => StartError::Ipc(error.at(&runtime_dir)),
             other => other,
         })?;
-        if !reserve_segments::<StartError>(&runtime_dir, "frames of all lanes", interrupted)? {
+        if !reserve_segments::<StartError>("frames of all lanes", interrupted)? {
             return Err(StartError::Interrupted);
         }
         let handle = ProcessOwned::new(pool.handle());
@@ -115,7 +115,7 @@ impl Supervisor {
         let index = self.lanes.iter().position(|lane| lane.lane == client.description().lane);
         // In a forked child the pool is that of another process.
         if let Some(index) = index.filter(|_| self.pool.is_owned()) {
-            client.take_part(|session| self.pool.participant(index, session));
+            client.take_part(|session| self.pool.local_learner(index, session));
         }
         Ok(client)
     }

@@ -258,7 +258,6 @@ impl Client {
             let mut header = RequestHeader::new(
                 &layout,
                 SessionId(session),
-                None,
                 RequestNumber(number),
                 RequestKind::Step,
                 count,

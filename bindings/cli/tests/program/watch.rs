@@ -4,7 +4,6 @@
 use crate::page_kit::{PATIENCE, Place, Program, Url, VERSION};
 use serde_json::{Value, json};
 use smaclite_ipc::{Client, Spectator, WaitOptions, status};
-use smaclite_scenarios::Faction;
 use std::io::{BufRead, BufReader, Write};
 use std::net::TcpStream;
 use std::process::Stdio;
@@ -313,36 +312,6 @@ fn a_page_sees_what_the_learner_does() {
 fn status_of(place: &Place) -> Value {
     let pool = status(&place.runtime_dir(), "train").expect("a status");
     serde_json::to_value(&pool.lanes[0]).expect("JSON")
-}
-
-/// The page showed one process for a lane with a learner per side, and `No learner` while only the learner of
-/// the enemies was there.
-#[test]
-fn a_page_sees_both_learners_and_which_one_is_missing() {
-    let place = Place::new();
-    let _pool = place.serve("3m:2 --name train --sides both --mirror");
-    let (_watch, url) = place.watch("");
-    let mut page = url.open();
-    page.show("3m", 0, 2);
-    let connect = |side| {
-        let (strategy, wait) = (Default::default(), WaitOptions::forever());
-        Client::connect_to_side(&place.runtime_dir(), "train", None, side, None, strategy, wait)
-            .expect("a side")
-    };
-    let mut lane_with = |enemies: Option<u32>, allies: Option<u32>, missing: Option<&str>| {
-        let is_shown = |lane: &Value| {
-            lane["learner_pid"] == json!(allies)
-                && lane["enemy_learner_pid"] == json!(enemies)
-                && lane["missing_side"] == json!(missing)
-        };
-        page.event("status", |event| is_shown(&event["pool"]["lane"]));
-    };
-    let own = Some(std::process::id());
-    lane_with(None, None, None);
-    let _enemies = connect(Faction::Enemy);
-    lane_with(own, None, Some("allies"));
-    let _allies = connect(Faction::Ally);
-    lane_with(own, own, None);
 }
 
 #[test]

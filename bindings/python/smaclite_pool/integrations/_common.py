@@ -50,7 +50,7 @@ def check_one_side(envs: Envs) -> Envs:
     """The environments, if a script plays their enemies. Raises InvalidRequest if actions play them, too."""
     if envs.sides == "both":
         raise InvalidRequest(
-            "sides must be 'allies' here, got 'both'; smaclite_pool.make, connect(side=...) and PettingZoo's "
+            "sides must be 'allies' here, got 'both'; smaclite_pool.make and PettingZoo's "
             "environment play both sides"
         )
     return envs

@@ -2,10 +2,9 @@
 //! later.
 
 use crate::error::{IpcError, doing};
-use crate::runtime_dir::RuntimeDir;
 use rustix::fs::{FallocateFlags, fallocate};
 use rustix::io::Errno;
-use std::collections::BTreeSet;
+use std::cell::RefCell;
 use std::fs::File;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -50,15 +49,24 @@ fn too_little(needed: u64, available: u64, for_what: &str) -> TooLittleMemory {
 /// Bytes reserved between two calls of `interrupted`: milliseconds of work.
 const CHUNK: u64 = 8 << 20;
 
-/// Has the kernel reserve every page of the data segments that this process writes to; `false` if
-/// `interrupted` returned `true` meanwhile.
+thread_local! {
+    /// Large segments that this thread created, of whose pages most are not reserved.
+    static UNRESERVED: RefCell<Vec<PathBuf>> = const { RefCell::new(Vec::new()) };
+}
+
+/// Leaves the pages of a new segment to [`reserve_segments`].
+pub(crate) fn reserve_later(segment: &Path) {
+    UNRESERVED.with_borrow_mut(|segments| segments.push(segment.to_owned()));
+}
+
+/// Has the kernel reserve every page of the segments that this thread created; `false` if `interrupted`
+/// returned `true` meanwhile.
 pub(crate) fn reserve_segments<E: From<TooLittleMemory> + From<IpcError>>(
-    runtime_dir: &RuntimeDir,
     for_what: &str,
     interrupted: &mut dyn FnMut() -> bool,
 ) -> Result<bool, E> {
     let reserving = || doing(format!("reserving memory for {for_what}"));
-    for path in own_segments(runtime_dir).map_err(reserving())? {
+    for path in UNRESERVED.take() {
         let file = match File::options().write(true).open(&path) {
             Ok(file) => file,
             Err(error) if error.kind() == ErrorKind::NotFound => continue, // of a pool that ended
@@ -83,17 +91,4 @@ pub(crate) fn reserve_segments<E: From<TooLittleMemory> + From<IpcError>>(
         }
     }
     Ok(true)
-}
-
-/// The data segments of this runtime folder that are mapped for writing, which only their creator does.
-fn own_segments(runtime_dir: &RuntimeDir) -> std::io::Result<BTreeSet<PathBuf>> {
-    let maps = std::fs::read_to_string("/proc/self/maps")?;
-    let prefix = format!("{SHM}/{}", runtime_dir.shm_prefix());
-    let segments = maps.lines().filter_map(|line| {
-        let permissions = line.split_whitespace().nth(1)?;
-        let path = &line[line.find('/')?..];
-        let ours = permissions.contains('w') && path.starts_with(&prefix) && path.ends_with(".data");
-        ours.then(|| Path::new(path).to_owned())
-    });
-    Ok(segments.collect())
 }

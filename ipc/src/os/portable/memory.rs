@@ -1,7 +1,6 @@
 //! Memory of this process, which needs no reservation.
 
 use crate::error::IpcError;
-use crate::runtime_dir::RuntimeDir;
 
 /// Too little shared memory, which does not happen here.
 #[derive(Debug, thiserror::Error)]
@@ -17,7 +16,6 @@ pub(crate) fn check_room(_needed: usize, _for_what: &str) -> Result<(), TooLittl
 
 /// Has every page of the data segments set aside; `false` if `interrupted` returned `true` meanwhile.
 pub(crate) fn reserve_segments<E: From<TooLittleMemory> + From<IpcError>>(
-    _runtime_dir: &RuntimeDir,
     _for_what: &str,
     _interrupted: &mut dyn FnMut() -> bool,
 ) -> Result<bool, E> {

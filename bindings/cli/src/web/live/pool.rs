@@ -157,8 +157,6 @@ fn pool_info(pool: &PoolStatus, lane: &str) -> PoolInfo {
         lanes: pool.lanes.iter().map(|lane| lane.description.lane.clone()).collect(),
         lane: current.map(|lane| LaneState {
             learner_pid: lane.learner_pid,
-            enemy_learner_pid: lane.enemy_learner_pid,
-            missing_side: lane.missing_side,
             spectators: lane.spectators,
             steps_per_s: lane.steps_per_s,
             queue_wait_us: lane.queue_wait_us,

@@ -203,15 +203,7 @@ lanes: Array<string>,
  * The one that the page shows.
  */
 lane: LaneState | null, };
-export type LaneState = { learner_pid: number | null, 
-/**
- * If each side has a learner, that of the enemies; `learner_pid` is that of the allies.
- */
-enemy_learner_pid: number | null, 
-/**
- * The side whose learner has not come, while that of the other side waits for it.
- */
-missing_side: "allies" | "enemies" | null, spectators: number, steps_per_s: number, queue_wait_us: number, stats: LaneStats, failure: string | null, };
+export type LaneState = { learner_pid: number | null, spectators: number, steps_per_s: number, queue_wait_us: number, stats: LaneStats, failure: string | null, };
 export type Point = { 
 /**
  * Seconds since this program started.

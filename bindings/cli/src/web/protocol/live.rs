@@ -2,7 +2,6 @@
 
 use serde::Serialize;
 use smaclite_pool::LaneStats;
-use smaclite_scenarios::Faction;
 use smaclite_view::EpisodeResult;
 use smaclite_view::page::{Features, ScenarioInfo};
 #[cfg(test)]
@@ -109,11 +108,6 @@ pub(crate) struct PoolInfo {
 #[cfg_attr(test, derive(TS))]
 pub(crate) struct LaneState {
     pub(in crate::web) learner_pid: Option<u32>,
-    /// If each side has a learner, that of the enemies; `learner_pid` is that of the allies.
-    pub(in crate::web) enemy_learner_pid: Option<u32>,
-    /// The side whose learner has not come, while that of the other side waits for it.
-    #[cfg_attr(test, ts(type = "\"allies\" | \"enemies\" | null"))]
-    pub(in crate::web) missing_side: Option<Faction>,
     pub(in crate::web) spectators: usize,
     pub(in crate::web) steps_per_s: f64,
     pub(in crate::web) queue_wait_us: f64,

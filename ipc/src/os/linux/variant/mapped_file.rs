@@ -8,6 +8,7 @@
 
 #![allow(unsafe_code)] // maps memory, and implements unsafe functions of iceoryx2's traits
 
+use crate::os::memory::reserve_later;
 use crate::os::shortage::note;
 use iceoryx2::prelude::{FileName, ZeroCopySend};
 use iceoryx2_bb_elementary::bump_allocator::BumpAllocator;
@@ -196,6 +197,9 @@ impl<T: Send + Sync + Debug + ZeroCopySend> Builder<'_, T> {
             Ok(()) | Err(Errno::OPNOTSUPP) => {}
             Err(Errno::INTR) => return self.fill(file, path), // a signal; the kernel has undone it
             Err(errno) => return Err(failed(errno)),
+        }
+        if bytes as u64 > RESERVED_AT_ONCE {
+            reserve_later(path);
         }
         let memory = Mapping::new(file, bytes, ProtFlags::READ | ProtFlags::WRITE).map_err(failed)?;
         let content = memory.content::<T>();

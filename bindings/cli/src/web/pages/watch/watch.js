@@ -231,19 +231,12 @@ class WatchPage {
     this.listLanes(lanes);
     if (!lane) return this.state("No lane", "lost", `The pool has no lane \`${this.lane}\` any more.`);
     this.showFacts(lane, { pid, threads, uptime_s });
-    const { failure, learner_pid, enemy_learner_pid, missing_side } = lane;
+    const { failure, learner_pid } = lane;
     if (failure) this.state("Failed", "lost", `The lane failed: ${failure}`);
-    else if (!learner_pid && !enemy_learner_pid)
-      this.state("No learner", "idle", "No learner is attached, so nothing moves.");
-    else if (missing_side)
-      this.state(
-        "Waiting",
-        "idle",
-        `The learner of the ${missing_side} is missing; the other one waits for it.`,
-      );
+    else if (!learner_pid) this.state("No learner", "idle", "No learner is attached, so nothing moves.");
     else if (lane.steps_per_s === 0) {
-      const who = enemy_learner_pid ? "Learners" : `The learner, process ${learner_pid},`;
-      this.state("Idle", "idle", `${who} made no step in the last second.`);
+      const idle = `The learner, process ${learner_pid}, made no step in the last second.`;
+      this.state("Idle", "idle", idle);
     } else this.state("Live", "won");
   }
 
@@ -253,7 +246,7 @@ class WatchPage {
    */
   showFacts(lane, { pid, threads, uptime_s }) {
     const facts = {
-      ...learners(lane),
+      learner: lane.learner_pid ? `process ${lane.learner_pid}` : "none",
       supervisor: `process ${pid}, ${counted(threads, "thread")}`,
       "running for": seconds(uptime_s),
       steps: compact(lane.stats.steps),
@@ -319,17 +312,6 @@ class WatchPage {
     }
     if (command || this.env < 0) event.stopImmediatePropagation();
   }
-}
-
-/**
- * The processes that learn, under their names in the list of facts.
- * @param {LaneState} lane
- * @returns {{ [name: string]: string }}
- */
-function learners({ learner_pid, enemy_learner_pid, missing_side }) {
-  const process = (/** @type {number | null} */ pid) => (pid ? `process ${pid}` : "none");
-  if (!enemy_learner_pid && !missing_side) return { learner: process(learner_pid) };
-  return { "learner, allies": process(learner_pid), "learner, enemies": process(enemy_learner_pid) };
 }
 
 theme.start();

@@ -27,7 +27,7 @@ pub struct LaneStats {
 impl LaneStats {
     /// Counts a step, after which the return of the episode is `episode_return`.
     #[inline]
-    pub(super) fn count(&mut self, step: &Step, episode_return: f64) {
+    pub(crate) fn count(&mut self, step: &Step, episode_return: f64) {
         self.steps += 1;
         if step.terminated || step.truncated {
             self.episodes += 1;
@@ -37,7 +37,7 @@ impl LaneStats {
     }
 
     /// Adds the steps that a thread counted.
-    pub(super) fn add(&mut self, steps: &LaneStats) {
+    pub(crate) fn add(&mut self, steps: &LaneStats) {
         self.steps += steps.steps;
         self.episodes += steps.episodes;
         self.wins += steps.wins;

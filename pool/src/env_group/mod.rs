@@ -1,0 +1,161 @@
+//! The environments of a lane, as a plain value. `check` reads a request into orders: all of it, or nothing.
+//! `step` and `write` carry out the order of an environment, and may be called by any thread that took it.
+//! There are no threads, no transport and no learner here: these are the lane's.
+
+mod branching;
+mod check;
+mod env_table;
+
+pub(crate) use check::Draft;
+
+use crate::autoreset::Autoreset;
+use crate::episode_log::{EpisodePart, FollowerId, LogMemory, TooManyFollowed};
+use crate::hosted_env::HostedEnv;
+use crate::joint_action::JointAction;
+use crate::lane_settings::{LaneSettings, LaneSpec};
+use crate::lane_stats::LaneStats;
+use crate::layout::Layout;
+use crate::slot::FrameMemory;
+use crate::sync::{AtomicUsize, Mutex, MutexGuard, Ordering, lock};
+use crate::transport::{Request, RequestKind};
+use env_table::EnvTable;
+use smaclite_engine::{Scratch, Step};
+use std::sync::Arc;
+
+/// Environments of one scenario.
+pub(crate) struct EnvGroup {
+    num_envs: usize,
+    seed: u64,
+    autoreset: Autoreset,
+    layout: Layout,
+    envs: Vec<Mutex<HostedEnv>>,
+    table: EnvTable,
+    /// Environments with an order that is not carried out. In a synchronous lane at work there is one more,
+    /// for its frame: the thread that finds only that left publishes it.
+    outstanding: AtomicUsize,
+    logs: LogMemory,
+}
+
+impl EnvGroup {
+    pub(crate) fn new(spec: &LaneSpec) -> EnvGroup {
+        let LaneSettings { num_envs, seed, autoreset, .. } = spec.settings;
+        let record = spec.settings.record_layout(spec.sizes()).map(Arc::new);
+        EnvGroup {
+            num_envs,
+            seed,
+            autoreset,
+            layout: spec.layout(),
+            envs: (0..num_envs).map(|i| Mutex::new(HostedEnv::new(i, spec, record.clone()))).collect(),
+            table: EnvTable::new(num_envs, spec.sizes()),
+            outstanding: AtomicUsize::new(0),
+            logs: LogMemory::new(),
+        }
+    }
+
+    pub(crate) fn num_envs(&self) -> usize {
+        self.num_envs
+    }
+
+    /// A request is for all environments, and slot `i` of its only frame is environment `i`.
+    pub(crate) fn is_synchronous(&self) -> bool {
+        self.layout.slots() == self.num_envs
+    }
+
+    /// Whether a request that passes [`check`](EnvGroup::check) begins an epoch.
+    pub(crate) fn is_reset_of_all<N>(&self, request: &Request<'_, N>) -> bool {
+        matches!(request.kind, RequestKind::Reset { .. }) && request.env_ids.len() == self.num_envs
+    }
+
+    /// Whether there are orders that are not carried out.
+    pub(crate) fn is_at_work(&self) -> bool {
+        self.outstanding.load(Ordering::SeqCst) > 0
+    }
+
+    /// All environments have orders from now on.
+    pub(crate) fn begin_all(&self) {
+        self.outstanding.store(self.num_envs + 1, Ordering::SeqCst);
+    }
+
+    /// The environments of an asynchronous lane that have orders from now on.
+    pub(crate) fn begin(&self, envs: &[u32]) {
+        self.outstanding.fetch_add(envs.len(), Ordering::SeqCst);
+        envs.iter().for_each(|env| self.table.set_busy(*env as usize, true));
+    }
+
+    /// Some orders of a synchronous lane were carried out. Returns whether they were the last: the caller
+    /// then publishes the frame, after [`end_all`](EnvGroup::end_all). Releases what this thread wrote to the
+    /// one that gets `true`, and acquires that of the others.
+    pub(crate) fn end_some(&self, count: usize) -> bool {
+        self.outstanding.fetch_sub(count, Ordering::AcqRel) == count + 1
+    }
+
+    pub(crate) fn end_all(&self) {
+        self.outstanding.store(0, Ordering::SeqCst);
+    }
+
+    /// The order of an environment of an asynchronous lane was carried out.
+    pub(crate) fn end(&self, env: usize) {
+        self.table.set_busy(env, false);
+        self.outstanding.fetch_sub(1, Ordering::SeqCst);
+    }
+
+    /// An environment, for the thread that took it.
+    pub(crate) fn lock(&self, env: usize) -> MutexGuard<'_, HostedEnv> {
+        lock(&self.envs[env])
+    }
+
+    /// Carries out the order of an environment, up to the point where its slot is needed.
+    #[inline(always)]
+    pub(crate) fn step(
+        &self,
+        env: usize,
+        hosted: &mut HostedEnv,
+        scratch: &mut Scratch,
+        counts: &mut LaneStats,
+    ) -> Option<Step> {
+        let actions = JointAction::new(self.table.actions(env));
+        let step = hosted.run(self.table.task(env), actions, self.autoreset, scratch)?;
+        counts.count(&step, hosted.battle.episode_return());
+        Some(step)
+    }
+
+    /// Writes an environment's results into its slot, or discards them if their session is over.
+    pub(crate) fn write(
+        &self,
+        env: usize,
+        hosted: &mut HostedEnv,
+        step: Option<Step>,
+        slot: Option<(FrameMemory, usize)>,
+        scratch: &mut Scratch,
+    ) {
+        if let Some((memory, index)) = slot {
+            // SAFETY: `Frames` keeps the frame's loan until every claimed slot is complete, which the caller
+            // reports after this. Slots are distinct: the claims of an asynchronous lane do not overlap, and
+            // in a synchronous lane `index` is the environment, which one thread took, once, from `work`.
+            let mut slot = unsafe { memory.slot(&self.layout, index) };
+            hosted.write(env, step, self.autoreset, &mut slot, scratch);
+        } else {
+            hosted.discard(self.autoreset);
+        }
+        self.table.report(env, hosted);
+    }
+
+    /// See [`Lane::follow`](crate::Lane::follow).
+    pub(crate) fn follow(&self, envs: &[usize], follower: FollowerId) -> Result<(), TooManyFollowed> {
+        if let Some(&env) = envs.first() {
+            self.logs.check(envs.len(), &self.lock(env).battle.save())?;
+        }
+        envs.iter().for_each(|&env| self.lock(env).follow(follower, &self.logs));
+        // More logs share the same memory.
+        (0..self.num_envs).for_each(|env| self.lock(env).trim_log());
+        Ok(())
+    }
+
+    pub(crate) fn unfollow(&self, env: usize, follower: FollowerId) {
+        self.lock(env).unfollow(follower);
+    }
+
+    pub(crate) fn read_log(&self, env: usize, follower: FollowerId, budget: &mut usize) -> Vec<EpisodePart> {
+        self.lock(env).read_log(follower, budget)
+    }
+}
