@@ -35,8 +35,8 @@ pub fn scenarios(generated: Option<bool>) -> Vec<&'static str> {
 ///     A dict with `pool` (name), `pid` (process id of the supervisor), `threads` (number of workers),
 ///         `uptime_s` (seconds), `shared_memory` (bytes reserved for batches) and `lanes`, a list of dicts,
 ///         each with `description` (as `Envs.description`), `learner_pid` (process id of the attached learner
-///         or None), `spectators` (how many are attached), `stats` (`steps`, `episodes`, `wins`, `returns` (their sum), `frames`,
-///         `rejected`, `accepted` and `waited_ns`, counted since the pool started),
+///         or None), `spectators` (how many are attached), `stats` (`steps`, `episodes`, `wins`, `returns`
+///         (their sum), `frames`, `rejected`, `accepted` and `waited_ns`, counted since the pool started),
 ///         `steps_per_s` and `queue_wait_us` (averages over the last second) and `failure` (error text of a
 ///         failed lane or None).
 ///

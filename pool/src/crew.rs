@@ -1,16 +1,18 @@
 //! The threads of a pool: which of them may work, and how those that have nothing to do wait.
 //!
-//! A pool of N threads has one *server*, which receives the requests of learners in other processes, and N - 1
-//! *helpers*, numbered from 0. A *caller* is the thread of a learner of this process, which works on its own
-//! lane while it waits for its batch (caller runs). Helper k works only while k and the callers are fewer
+//! A pool of N threads has one *server*, which receives the requests of learners in other processes, and
+//! N - 1 *helpers*, numbered from 0. A *caller* is the thread of a learner of this process, which works on its
+//! own lane while it waits for its batch (caller runs). Helper k works only while k and the callers are fewer
 //! than N, and the server works on lanes of callers only if there is none; so callers take the places of the
-//! server and then of the last helpers.
+//! server and then of the last helpers. A helper that finds nothing to take receives requests while the
+//! server works.
 //!
 //! Who publishes work takes part in it until nothing is left to take, so helpers are needed for speed alone;
 //! only a caller that leaves work behind depends on them, and on the server.
 //!
-//! A helper that finds no work *searches*, and then sleeps until it is woken. No wake-up is lost, because each
-//! side writes first and then reads what the other side writes, with sequentially consistent fences between:
+//! A helper that finds no work *searches*, and then sleeps until it is woken. No wake-up is lost, because
+//! each side writes first and then reads what the other side writes, with sequentially consistent fences
+//! between:
 //!
 //! | who | writes | then reads |
 //! | --- | --- | --- |
@@ -32,8 +34,8 @@ pub(crate) trait Source {
     fn has_work(&self) -> bool;
     /// Accepts requests while the server has no time. Returns whether there were any.
     fn receive(&self) -> bool;
-    /// Takes some environments, by preference of the lane whose `turn` it is, and there by preference those of
-    /// the thread with this number.
+    /// Takes some environments, by preference of the lane whose `turn` it is, and there by preference those
+    /// of the thread with this number.
     fn take(&self, thread: usize, turn: &mut usize) -> Option<Self::Chunk>;
 }
 

@@ -39,8 +39,8 @@ pub(crate) struct Frames<O: Outlet> {
     opened: u64,
     /// `None` while the lane has no learner.
     epoch: Option<Epoch>,
-    /// Reserved for the report that the lane failed, whose cause may be that no frame is free. Renewed for the
-    /// next session.
+    /// Reserved for the report that the lane failed, whose cause may be that no frame is free. Renewed for
+    /// the next session.
     spare: Option<O::Loan>,
 }
 

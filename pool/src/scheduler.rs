@@ -7,7 +7,7 @@ use crate::lane::{Lane, panic_text};
 use crate::lane_settings::LaneSpec;
 use crate::pool_options::PoolOptions;
 use crate::rejection::Rejection;
-use crate::sync::{AtomicBool, Mutex, Ordering, yield_now};
+use crate::sync::{AtomicBool, Mutex, MutexGuard, Ordering, lock, yield_now};
 use crate::transport::{Doorbell, Request, SessionId, Transport, TransportError};
 use crate::wait_strategy::Polling;
 use crate::work::CHUNK;
@@ -136,7 +136,7 @@ impl<T: Transport> Shared<T> {
         let (mut scratch, mut turn) = (Scratch::new(), 0);
         let mut polls = self.polling.begin();
         while !self.crew.is_stopped() {
-            let mut is_busy = self.receive_all();
+            let mut is_busy = self.receive_all(lock(&self.receiving));
             let may_serve = |lane: &Lane<T>| !lane.is_local() || !self.crew.has_callers();
             let mut served = 0;
             while served < CHUNK
@@ -157,10 +157,8 @@ impl<T: Transport> Shared<T> {
         }
     }
 
-    /// Accepts or refuses the next request of every lane, unless another thread does. Returns whether there
-    /// were any.
-    fn receive_all(&self) -> bool {
-        let Ok(_receiving) = self.receiving.try_lock() else { return false };
+    /// Accepts or refuses the next request of every lane. Returns whether there were any.
+    fn receive_all(&self, _receiving: MutexGuard<'_, ()>) -> bool {
         let mut any = false;
         for lane in (0..self.lanes.len()).filter(|lane| !self.lanes[*lane].is_local()) {
             let received = self.contained(lane, || self.lanes[lane].receive(|| self.finish(lane))).flatten();
@@ -229,7 +227,8 @@ impl<T: Transport> Source for Shared<T> {
     }
 
     fn receive(&self) -> bool {
-        self.server_serves.load(Ordering::Relaxed) && self.receive_all()
+        self.server_serves.load(Ordering::Relaxed)
+            && self.receiving.try_lock().is_ok_and(|receiving| self.receive_all(receiving))
     }
 
     fn take(&self, thread: usize, turn: &mut usize) -> Option<(usize, Range<usize>)> {

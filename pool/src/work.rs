@@ -175,8 +175,8 @@ mod loom_tests {
     use super::*;
     use loom::sync::Arc;
 
-    /// A thread pauses between the look at a range and the take, in which time the other environment is taken,
-    /// carried out and added again: to the place that the first thread reads.
+    /// A thread pauses between the look at a range and the take, in which time the other environment is
+    /// taken, carried out and added again: to the place that the first thread reads.
     #[test]
     fn a_place_is_read_before_it_is_written_again() {
         loom::model(|| {

@@ -154,8 +154,8 @@ fn a_lane_begins_with_levels_or_refuses_all_of_them() {
 }
 
 /// The client once took every environment for one that works on the refused reset: an environment stayed busy
-/// until all were reset. A refused reset of all drops the results of earlier requests, as an accepted one does,
-/// and a refused request to some environments leaves those of the others alone.
+/// until all were reset. A refused reset of all drops the results of earlier requests, as an accepted one
+/// does, and a refused request to some environments leaves those of the others alone.
 #[test]
 fn after_a_refused_request_the_lane_and_its_learner_agree() {
     for is_local in [true, false] {

@@ -5,7 +5,8 @@
 //! format); [`compare`] compares them with the engine's battles.
 //!
 //! For pools: [`LanePlan`] and [`PoolPlan`] describe lanes and pools. [`Reference`] computes every [`Row`] of
-//! every frame that a lane must produce, and [`conformance`] checks every way to step one. [`fault`] makes an environment fail, sleep or wait.
+//! every frame that a lane must produce, and [`conformance`] checks every way to step one. [`fault`] makes an
+//! environment fail, sleep or wait.
 //! - In one process: [`in_memory`] is a transport of channels and vectors.
 //! - With real processes: a [`Child`] is the running program itself, started again with one of the [`roles`],
 //!   and the parent sends it commands as lines of text. Every test has a [`TestDir`], so that tests do not

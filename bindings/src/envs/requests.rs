@@ -89,8 +89,8 @@ pub(super) enum Start {
     Snapshots(Vec<u8>),
 }
 
-/// Sends actions, without a wait if the pool reads its requests. The thread of a learner in the process of its
-/// pool then works there until the next wait ends.
+/// Sends actions, without a wait if the pool reads its requests. The thread of a learner in the process of
+/// its pool then works there until the next wait ends.
 pub(super) fn begin_step(
     py: Python<'_>,
     client: &mut Client,

@@ -151,8 +151,8 @@ impl Client {
 
     /// As [`send_reset`](Client::send_reset) to levels, f32 `[count, n_units, 5]` as the field `level`, which
     /// the lane must have: the episodes begin with these units. If the lane refuses the request, the next
-    /// [`recv`](Client::recv) says which level is wrong, and why, and no environment changed. The results that
-    /// a reset of every environment drops are dropped all the same.
+    /// [`recv`](Client::recv) says which level is wrong, and why, and no environment changed. The results
+    /// that a reset of every environment drops are dropped all the same.
     pub fn send_reset_to(
         &mut self,
         levels: &[f32],
@@ -332,8 +332,8 @@ impl Client {
         }
     }
 
-    /// Ends the work of this thread in a pool of its process. All other methods do that themselves before they
-    /// return, but [`begin_step`](Client::begin_step).
+    /// Ends the work of this thread in a pool of its process. All other methods do that themselves before
+    /// they return, but [`begin_step`](Client::begin_step).
     pub fn leave(&mut self) {
         if let Ok(lane) = self.lane.get_mut() {
             lane.local.as_mut().map(LocalLearner::leave);
