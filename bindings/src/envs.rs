@@ -231,8 +231,8 @@ impl Envs {
     /// Args:
     ///     actions: integers [K, n_actors], one action per agent, each 0 to n_actions - 1 and available
     ///         according to `avail_actions`; if actions play both sides, then one per enemy, available
-    ///         according to `enemy_avail_actions`. A C-contiguous int32 array is copied once, into shared
-    ///         memory; other integer arrays and nested lists are converted first.
+    ///         according to `enemy_avail_actions`. A C-contiguous int32 array is copied straight to
+    ///         where the pool reads it; other integer arrays and nested lists are converted first.
     ///     env_id: integers [K], the ids of the environments, each at most once. None, the default, means all
     ///         in order. In synchronous mode every request must include all environments.
     ///

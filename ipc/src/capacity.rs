@@ -45,7 +45,7 @@ impl Capacity {
         let LaneSettings { num_envs, batch_size, .. } = *settings;
         let synchronous = settings.is_synchronous();
         // A thread that opens a frame writes to no other; each of the rest may write to a frame of an earlier
-        // epoch, or to the last slot of a full one. One more is for a rejection, and one is kept back to
+        // session, or to the last slot of a full one. One more is for a rejection, and one is kept back to
         // report a failure.
         let writing = threads.min(num_envs);
         Capacity {

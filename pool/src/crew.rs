@@ -1,7 +1,7 @@
 //! The threads of a pool: which of them may work, and how those that have nothing to do wait.
 //!
-//! A pool of N threads has one *server*, which receives the requests of learners in other processes, and
-//! N - 1 *helpers*, numbered from 0. A *caller* is the thread of a learner of this process, which works on its
+//! A pool of N threads has one *server*, which receives the requests of learners in other processes, and N -
+//! 1 *helpers*, numbered from 0. A *caller* is the thread of a learner of this process, which works on its
 //! own lane while it waits for its batch (caller runs). Helper k works only while k and the callers are fewer
 //! than N, and the server works on lanes of callers only if there is none; so callers take the places of the
 //! server and then of the last helpers. A helper that finds nothing to take receives requests while the
@@ -91,33 +91,37 @@ impl Crew {
         self.callers.fetch_add(1, Ordering::SeqCst);
     }
 
-    /// This thread works no more. Returns whether it leaves work behind for which no helper is free: then the
-    /// server must be woken.
+    /// This thread works no more. Returns whether the server must be woken: there is work, and nobody else
+    /// has its place.
     pub(crate) fn leave(&self, source: &impl Source) -> bool {
         self.callers.fetch_sub(1, Ordering::SeqCst);
         fence(Ordering::SeqCst);
-        source.has_work() && self.wake(1) > 0
+        let is_left = source.has_work();
+        if is_left {
+            self.wake(1);
+        }
+        is_left && !self.has_callers()
     }
 
     fn may_help(&self, helper: usize) -> bool {
         helper + self.callers.load(Ordering::SeqCst) < self.threads
     }
 
-    /// There is work for so many helpers: as many search or are woken, less the number that is returned.
-    pub(crate) fn wake(&self, mut count: usize) -> usize {
+    /// There is work for so many helpers: those that search take part, and others are woken.
+    pub(crate) fn wake(&self, mut count: usize) {
         fence(Ordering::SeqCst);
         for (index, helper) in self.helpers.iter().enumerate() {
             if count == 0 || !self.may_help(index) {
                 break;
             }
-            match helper.state.load(Ordering::SeqCst) {
-                WORKS => continue,
-                SLEEPS if helper.state.swap(SEARCHES, Ordering::SeqCst) == SLEEPS => helper.unpark(),
-                _ => {}
+            // One that sleeps searches from now on; the others stay as they are.
+            match helper.state.compare_exchange(SLEEPS, SEARCHES, Ordering::SeqCst, Ordering::SeqCst) {
+                Ok(_) => helper.unpark(),
+                Err(WORKS) => continue,
+                Err(_) => {}
             }
             count -= 1;
         }
-        count
     }
 
     /// What a helper does until the pool stops.

@@ -54,17 +54,21 @@ impl<O: Outlet> Frames<O> {
     pub(crate) fn begin_session(&mut self, session: Option<SessionId>) {
         self.epoch = session.map(|session| Epoch { session, reset: None });
         self.spare = self.take_spare();
+        self.drop_open();
+    }
+
+    /// Drops the open frames, or leaves them to the threads that still write to them.
+    fn drop_open(&mut self) {
         self.open.retain_mut(|frame| {
             frame.stale = true;
             frame.written < frame.claimed
         });
     }
 
-    /// From now on results are of this epoch. No claimed slot is incomplete: a reset of all environments
-    /// waits for the end of earlier work.
+    /// From now on results are of this epoch.
     pub(crate) fn begin_epoch(&mut self, epoch: Epoch) {
         self.epoch = Some(epoch);
-        self.open.clear();
+        self.drop_open();
     }
 
     /// Claims `count` slots; `Ok(None)` if the session of the results is over.

@@ -46,6 +46,8 @@ pub struct Lane<T: Transport> {
 /// the session.
 struct Intake<I: Inlet> {
     inlet: I,
+    /// A reset of all environments that waits until no order is outstanding.
+    waiting: Option<I::Message>,
     /// `None` while the lane has no learner.
     epoch: Option<Epoch>,
     /// The session's last request.
@@ -59,6 +61,7 @@ impl<I: Inlet> Intake<I> {
     }
 
     fn begin_session(&mut self, session: Option<SessionId>) {
+        self.waiting = None;
         self.last_request = RequestNumber(0);
         self.epoch = session.map(|session| Epoch { session, reset: None });
     }
@@ -87,7 +90,7 @@ impl<T: Transport> Lane<T> {
         let (epoch, last_request, draft) = (None, RequestNumber(0), Draft::new(&group));
         Ok(Lane {
             name: spec.name.clone(),
-            intake: Mutex::new(Intake { inlet, epoch, last_request, draft }),
+            intake: Mutex::new(Intake { inlet, waiting: None, epoch, last_request, draft }),
             frames: Mutex::new(Frames::new(outlet, spec.settings.batch_size)?),
             work: Work::new(spec.settings.num_envs, group.is_synchronous(), threads),
             job_frame: SharedFrame::none(&spec.layout()),
@@ -174,10 +177,11 @@ impl<T: Transport> Lane<T> {
     }
 
     /// Receives the next request and accepts or refuses it. Returns for how many threads its environments are
-    /// work; `None` if there was no request. `finish` carries out what is outstanding.
-    pub(crate) fn receive(&self, finish: impl FnOnce()) -> Option<usize> {
-        let received = lock(&self.intake).inlet.receive();
-        let message = match received {
+    /// work; `None` if there was no request.
+    pub(crate) fn receive(&self) -> Option<usize> {
+        let mut intake = lock(&self.intake);
+        let waiting = intake.waiting.take().map(|message| Ok(Received::Request(message)));
+        let message = match waiting.unwrap_or_else(|| intake.inlet.receive()) {
             Ok(Received::Nothing) => return None,
             Ok(Received::Request(message)) => message,
             Ok(Received::Malformed(rejection)) => {
@@ -191,9 +195,15 @@ impl<T: Transport> Lane<T> {
                 return None;
             }
         };
+        let is_current = intake.session() == Some(message.request().session);
+        if is_current && self.must_wait(&message.request()) {
+            intake.waiting = Some(message);
+            return Some(0);
+        }
+        drop(intake);
         let request = message.request();
         let waited = message.waited();
-        match self.order(&request, finish) {
+        match self.order(&request) {
             Ok(threads) => {
                 lock(&self.stats).waited_ns += waited.as_nanos() as u64;
                 Some(threads)
@@ -205,19 +215,19 @@ impl<T: Transport> Lane<T> {
         }
     }
 
+    /// Whether this is a reset of all environments and some have orders. These are carried out before, so
+    /// that what follows does not depend on how far the threads had come.
+    pub(crate) fn must_wait<N>(&self, request: &Request<'_, N>) -> bool {
+        self.group.is_reset_of_all(request) && self.is_at_work()
+    }
+
     /// Accepts all of a request or nothing. Returns for how many threads its environments are work; 0 if the
-    /// request is not of the present session. A reset of all environments may come while others are
-    /// outstanding, and `finish` carries these out before, so that what follows does not depend on how far
-    /// the threads had come.
+    /// request is not of the present session, or still [must wait](Lane::must_wait), because the pool ends.
     ///
     /// # Errors
     /// Why it is refused.
-    pub(crate) fn order<N: Number>(
-        &self,
-        request: &Request<'_, N>,
-        finish: impl FnOnce(),
-    ) -> Result<usize, Rejection> {
-        let ordered = self.try_order(request, finish);
+    pub(crate) fn order<N: Number>(&self, request: &Request<'_, N>) -> Result<usize, Rejection> {
+        let ordered = self.try_order(request);
         if let Err(rejection) = &ordered {
             tracing::debug!(lane = self.name, %rejection, "request rejected");
             lock(&self.stats).rejected += 1;
@@ -225,15 +235,7 @@ impl<T: Transport> Lane<T> {
         ordered
     }
 
-    fn try_order<N: Number>(
-        &self,
-        request: &Request<'_, N>,
-        finish: impl FnOnce(),
-    ) -> Result<usize, Rejection> {
-        let is_reset_of_all = self.group.is_reset_of_all(request);
-        if is_reset_of_all && lock(&self.intake).session() == Some(request.session) {
-            finish();
-        }
+    fn try_order<N: Number>(&self, request: &Request<'_, N>) -> Result<usize, Rejection> {
         let mut intake = lock(&self.intake);
         let Some(epoch) = intake.epoch.filter(|epoch| epoch.session == request.session) else {
             let session = request.session.0;
@@ -245,6 +247,10 @@ impl<T: Transport> Lane<T> {
         if let Some(text) = self.failure() {
             return Err(Rejection::LaneFailed { text: text.to_owned() });
         }
+        if self.must_wait(request) {
+            return Ok(0); // its frames are being written
+        }
+        let is_reset_of_all = self.group.is_reset_of_all(request);
         let was_reset = epoch.reset.is_some();
         let checked = self.group.check(&mut intake.draft, request, was_reset);
         // One that is refused ends the results of earlier requests all the same: its learner expects none.

@@ -20,7 +20,7 @@ pub struct LaneStats {
     pub rejected: u64,
     /// Accepted requests.
     pub accepted: u64,
-    /// Total time in nanoseconds that accepted requests waited for a worker.
+    /// Total time in nanoseconds that accepted requests waited until they were received.
     pub waited_ns: u64,
 }
 

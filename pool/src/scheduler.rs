@@ -161,7 +161,7 @@ impl<T: Transport> Shared<T> {
     fn receive_all(&self, _receiving: MutexGuard<'_, ()>) -> bool {
         let mut any = false;
         for lane in (0..self.lanes.len()).filter(|lane| !self.lanes[*lane].is_local()) {
-            let received = self.contained(lane, || self.lanes[lane].receive(|| self.finish(lane))).flatten();
+            let received = self.contained(lane, || self.lanes[lane].receive()).flatten();
             if let Some(threads) = received {
                 any = true;
                 self.crew.wake(threads.saturating_sub(1));
@@ -176,11 +176,10 @@ impl<T: Transport> Shared<T> {
         done.map_err(|panic| self.lanes[lane].fail(panic_text(panic.as_ref()))).ok()
     }
 
-    /// Carries out all orders of a lane, with the threads that have some of them already.
-    fn finish(&self, lane: usize) {
-        let mut scratch = None;
-        while self.lanes[lane].is_at_work() && !self.crew.is_stopped() {
-            if !self.serve(lane, scratch.get_or_insert_with(Scratch::new)) {
+    /// Carries out what a request must wait for, with the threads that have some of it already.
+    fn finish(&self, lane: usize, request: &Request<'_, i32>, scratch: &mut Scratch) {
+        while self.lanes[lane].must_wait(request) && !self.crew.is_stopped() {
+            if !self.serve(lane, scratch) {
                 yield_now();
             }
         }
@@ -271,7 +270,8 @@ impl<T: Transport> LocalLearner<T> {
     pub fn order(&mut self, request: &Request<'_, i32>) -> Result<(), Rejection> {
         let lane = self.lane;
         let Some(shared) = enter(&mut self.entered, &self.pool) else { return Ok(()) };
-        let ordered = shared.contained(lane, || shared.lanes[lane].order(request, || shared.finish(lane)));
+        shared.finish(lane, request, &mut self.scratch);
+        let ordered = shared.contained(lane, || shared.lanes[lane].order(request));
         let threads = ordered.unwrap_or(Ok(0))?; // a lane that failed has reported it
         shared.crew.wake(threads.saturating_sub(1));
         Ok(())

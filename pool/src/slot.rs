@@ -1,5 +1,5 @@
 //! Writing a frame from several threads: the memory of a loaned frame, split into slots that one thread each
-//! writes. The `unsafe` of this crate lives here and in its one caller, `lane`.
+//! writes. The `unsafe` of this crate lives here and in its one caller, `env_group`.
 
 use crate::fields::Field;
 use crate::layout::{BLOCK_ALIGN, Element, Layout};

@@ -12,6 +12,7 @@
 //! numbers published again; then it takes part in the new request, as any thread may. The place of a position
 //! is written again only when a later position was added, which an environment has, so after it was taken: a
 //! thread that reads a place before it takes it, and then finds that nobody else did, has read it in time.
+//! So that no processor moves the read behind the take, the take releases, too.
 
 use crate::sync::{AtomicU32, AtomicU64, Ordering};
 use crossbeam::utils::CachePadded;
@@ -111,7 +112,7 @@ impl Work {
                 (begin + rest, pack(begin, rest))
             };
             let env = self.place(first).load(Ordering::Relaxed) as usize;
-            match left.compare_exchange_weak(seen, rest, Ordering::Acquire, Ordering::Acquire) {
+            match left.compare_exchange_weak(seen, rest, Ordering::AcqRel, Ordering::Acquire) {
                 Ok(_) => return Some(env..env + taken as usize),
                 Err(now) => seen = now,
             }

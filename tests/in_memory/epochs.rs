@@ -3,10 +3,11 @@
 
 use crate::STEPS;
 use crate::harness::{all, assert_same, legal_actions, start, start_one};
-use smaclite_pool::transport::SessionId;
+use smaclite_pool::transport::{Request, RequestKind, RequestNumber, SessionId};
 use smaclite_pool::{Autoreset, Rejection};
 use smaclite_tests::fault::{Fault, Gate};
 use smaclite_tests::{LanePlan, Reference, Row};
+use std::time::Duration;
 
 fn step_all(reference: &mut Reference, actions: &[i32]) {
     const N_AGENTS: usize = 2;
@@ -66,7 +67,7 @@ fn a_reset_of_all_drops_the_results_of_earlier_requests() {
 #[test]
 fn resets_that_wait_behind_steps_of_an_old_epoch_are_answered() {
     let gate = Gate::default();
-    let lanes = [LanePlan::toy(1).fault(0, Fault::Gate(gate.clone())), LanePlan::toy(4)];
+    let lanes = [LanePlan::toy(1).fault(0, Fault::Gate(gate.clone())), LanePlan::toy(40)];
     let (_pool, mut learners) = start(1, &lanes);
     let [busy, learner] = &mut learners[..] else { unreachable!("two lanes") };
     busy.send_reset_all(None);
@@ -82,8 +83,43 @@ fn resets_that_wait_behind_steps_of_an_old_epoch_are_answered() {
     let mut reference = Reference::new(&lanes[1]);
     reference.reset_all(Some(3));
     let rows = learner.batch();
-    assert_eq!(rows.iter().map(Row::env).collect::<Vec<_>>(), all(4));
+    assert_eq!(rows.iter().map(Row::env).collect::<Vec<_>>(), all(40));
     rows.iter().for_each(|row| assert_same(row, reference.row(row.env()), "after the reset"));
+}
+
+/// The reset was accepted although threads were still writing to a frame, which it dropped (Miri).
+#[test]
+fn a_pool_that_ends_while_a_reset_waits_frees_no_frame_that_is_written() {
+    for batch_size in [6, 2] {
+        for is_local in [true, false] {
+            let gate = Gate::default();
+            let plan = LanePlan { batch_size, ..LanePlan::toy(6) }.fault(1, Fault::Gate(gate.clone()));
+            let (pool, mut learner) = start_one(2, &plan);
+            learner.send_reset_all(None);
+            let rows = learner.rows_of_all();
+            gate.close();
+            learner.step_rows(&rows);
+            gate.wait_for_arrival();
+            std::thread::scope(|scope| {
+                if is_local {
+                    let mut local = pool.handle().local_learner(0, SessionId(1)).expect("the lane's session");
+                    scope.spawn(move || {
+                        let (session, number) = (SessionId(1), RequestNumber(3));
+                        let kind = RequestKind::Reset { seed: None, levels: false };
+                        let request = Request { session, number, kind, env_ids: &all(6), body: &[] };
+                        local.order(&request).expect("nothing to refuse");
+                    });
+                } else {
+                    learner.send_reset_all(None);
+                }
+                std::thread::sleep(Duration::from_millis(10));
+                scope.spawn(|| drop(pool));
+                std::thread::sleep(Duration::from_millis(10));
+                gate.open();
+            });
+            assert_eq!(learner.rejections(), []);
+        }
+    }
 }
 
 #[test]

@@ -138,6 +138,11 @@ impl Learner {
         rejection
     }
 
+    /// The rejections among the frames that came.
+    pub fn rejections(&self) -> Vec<Rejection> {
+        self.side.frames.try_iter().filter_map(|frame| frame.rejection()).map(|(_, why)| why).collect()
+    }
+
     /// Withholds the lane's frames, or returns them.
     pub fn set_shortage(&self, on: bool) {
         self.side.shortage.on.store(on, Ordering::SeqCst);

@@ -122,7 +122,7 @@ fn a_finished_environment_cannot_be_stepped_without_autoreset() {
 }
 
 #[test]
-fn an_environment_that_is_being_stepped_does_not_delay_the_others_of_its_lane() {
+fn an_environment_that_is_being_stepped_does_not_delay_those_that_a_learner_of_the_process_orders() {
     let gate = Gate::default();
     let plan = LanePlan { batch_size: 1, ..LanePlan::toy(2) }.fault(0, Fault::Gate(gate.clone()));
     let (pool, learner, rows) = reset_lane(&plan);

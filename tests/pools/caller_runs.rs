@@ -12,7 +12,7 @@ use std::time::Duration;
 
 const STRATEGIES: [WaitStrategy; 3] = [WaitStrategy::Adaptive, WaitStrategy::Spin, WaitStrategy::Block];
 
-fn participant(pool: &Supervisor, plan: &LanePlan, wait: WaitStrategy) -> Learner {
+fn local_learner(pool: &Supervisor, plan: &LanePlan, wait: WaitStrategy) -> Learner {
     Learner::new(pool.connect(Some(&plan.name), wait).expect("a client"), plan)
 }
 
@@ -23,7 +23,7 @@ fn run(learner: &mut Learner, steps: usize) -> Result<(), LearnerError> {
 }
 
 #[test]
-fn a_participating_learner_sees_the_bits_of_the_reference() {
+fn a_learner_that_calls_sees_the_bits_of_the_reference() {
     for wait in STRATEGIES {
         for autoreset in [Autoreset::NextStep, Autoreset::SameStep] {
             for (threads, batch_size) in [(1, 12), (2, 12), (4, 12), (1, 5), (3, 5), (2, 1)] {
@@ -31,7 +31,7 @@ fn a_participating_learner_sees_the_bits_of_the_reference() {
                 let plan =
                     LanePlan { autoreset, batch_size, episode_limit: Some(9), ..LanePlan::new("2s3z", 12) };
                 let pool = dir.start(&PoolPlan::new([plan.clone()]).threads(threads));
-                let result = run(&mut participant(&pool, &plan, wait), 200 / batch_size);
+                let result = run(&mut local_learner(&pool, &plan, wait), 200 / batch_size);
                 result.unwrap_or_else(|e| panic!("{threads} threads, {batch_size} of 12, {wait:?}: {e}"));
             }
         }
@@ -52,10 +52,10 @@ fn several_learners_take_part_in_a_pool() {
         let pool = dir.start(&PoolPlan::new(lanes.clone()).threads(threads));
         std::thread::scope(|scope| {
             for plan in &lanes[..3] {
-                let mut learner = participant(&pool, plan, WaitStrategy::Adaptive);
+                let mut learner = local_learner(&pool, plan, WaitStrategy::Adaptive);
                 scope.spawn(move || run(&mut learner, 300).expect("frames as in the reference"));
             }
-            let mut pair = [3, 4].map(|lane| participant(&pool, &lanes[lane], WaitStrategy::Adaptive));
+            let mut pair = [3, 4].map(|lane| local_learner(&pool, &lanes[lane], WaitStrategy::Adaptive));
             scope.spawn(move || {
                 pair.iter_mut().for_each(|learner| learner.reset(None, TIMEOUT).expect("a reset"));
                 pair[0].send().expect("sent");
@@ -68,16 +68,15 @@ fn several_learners_take_part_in_a_pool() {
     }
 }
 
-/// A lane is polled again when its participating learner is gone, and a learner that does not take part
-/// comes.
+/// A lane's requests are received again when the learner that calls is gone, and one that sends comes.
 #[test]
-fn a_lane_serves_participating_and_other_learners_in_turn() {
+fn a_lane_serves_learners_that_call_and_learners_that_send_in_turn() {
     for threads in [1, 2] {
         let dir = TestDir::new();
         let plan = LanePlan::new("2s3z", 6);
         let pool = dir.start(&PoolPlan::new([plan.clone()]).threads(threads));
         for _ in 0..3 {
-            run(&mut participant(&pool, &plan, WaitStrategy::Block), 5).expect("takes part");
+            run(&mut local_learner(&pool, &plan, WaitStrategy::Block), 5).expect("takes part");
             run(&mut dir.learner(&plan), 5).expect("is served");
         }
     }
@@ -90,7 +89,7 @@ fn workers_go_on_while_a_learner_does_something_else() {
         let dir = TestDir::new();
         let plan = LanePlan { batch_size: 2, ..LanePlan::new("2s3z", 8) };
         let pool = dir.start(&PoolPlan::new([plan.clone()]).threads(threads));
-        let mut learner = participant(&pool, &plan, WaitStrategy::Adaptive);
+        let mut learner = local_learner(&pool, &plan, WaitStrategy::Adaptive);
         learner.reset(None, TIMEOUT).expect("a reset");
         learner.send().expect("sent");
         learner.recv(TIMEOUT).expect("the first two");
@@ -106,7 +105,7 @@ fn a_panic_on_the_learners_thread_fails_its_lane() {
         let lanes = [LanePlan::new("2s3z", 4).fault(2, Fault::PanicInStep(4)), LanePlan::new("3s5z", 4)];
         let pool = dir.start(&PoolPlan::new(lanes.clone()).threads(threads));
         let [mut failed, mut other] =
-            [0, 1].map(|lane| participant(&pool, &lanes[lane], WaitStrategy::Adaptive));
+            [0, 1].map(|lane| local_learner(&pool, &lanes[lane], WaitStrategy::Adaptive));
         failed.reset(None, TIMEOUT).expect("a reset");
         (0..3).for_each(|_| drop(failed.step(TIMEOUT).expect("a step")));
         let error = failed.step(TIMEOUT).err().expect("it panicked").to_string();
@@ -122,7 +121,7 @@ fn a_pool_ends_while_its_learners_take_part() {
         let slow = Fault::Sleep(Duration::from_millis(300));
         let plan = LanePlan::new("2s3z", 4).fault(0, slow);
         let pool = dir.start(&PoolPlan::new([plan.clone()]).threads(threads));
-        let mut learner = participant(&pool, &plan, WaitStrategy::Adaptive);
+        let mut learner = local_learner(&pool, &plan, WaitStrategy::Adaptive);
         learner.reset(None, TIMEOUT).expect("a reset");
         let ended = std::thread::scope(|scope| {
             let waiting = scope.spawn(|| {
@@ -143,7 +142,7 @@ fn a_pool_ends_while_its_learners_take_part() {
 }
 
 #[test]
-fn a_wait_of_a_participating_learner_ends_by_its_timeout_or_an_interruption() {
+fn a_wait_of_a_learner_that_calls_ends_by_its_timeout_or_an_interruption() {
     let dir = TestDir::new();
     let slow = Fault::Sleep(Duration::from_millis(700));
     let plan = LanePlan { batch_size: 2, ..LanePlan::new("2s3z", 2) }.fault(0, slow);
@@ -174,7 +173,7 @@ fn resets_overtake_no_step() {
         let dir = TestDir::new();
         let plan = LanePlan { batch_size, ..LanePlan::new("2s3z", 8) };
         let pool = dir.start(&PoolPlan::new([plan.clone()]).threads(threads));
-        let mut learner = participant(&pool, &plan, WaitStrategy::Adaptive);
+        let mut learner = local_learner(&pool, &plan, WaitStrategy::Adaptive);
         learner.reset(None, TIMEOUT).expect("a reset");
         for repetition in 0..100 {
             learner.send().expect("sent");

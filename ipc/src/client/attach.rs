@@ -32,7 +32,7 @@ pub(super) struct Ports {
     pub(super) frames: Arc<FramePort>,
     /// Blocks until a frame was sent.
     pub(super) frame_sent: IpcListener,
-    /// Wakes the supervisor's workers.
+    /// Wakes the supervisor's server.
     pub(super) work: IpcNotifier,
     _services: (LaneServices, WorkEvent),
     _ipc_node: IpcNode,

@@ -137,7 +137,8 @@ impl Client {
     /// received.
     ///
     /// Returns at once, unless the supervisor has stopped reading: after 5 seconds, or the timeout of `wait`
-    /// if that is shorter, that is [`ClientError::NotAccepted`].
+    /// if that is shorter, that is [`ClientError::NotAccepted`]. In the process of the pool, a reset of every
+    /// environment first carries out what is outstanding, on this thread too.
     pub fn send_reset(
         &mut self,
         seed: Option<u64>,

@@ -15,8 +15,8 @@ use std::borrow::Cow;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// How long a supervisor may leave its queue of requests full. Even its busy workers look for requests after
-/// every few environments; one that does not accept any in this time is stopped.
+/// How long a supervisor may leave its queue of requests full. Even while it works it looks for requests
+/// after every few environments; one that does not accept any in this time is stopped.
 const SEND_TIMEOUT: Duration = Duration::from_secs(5);
 
 /// How often to try again while the queue is full.

@@ -228,7 +228,7 @@ pub struct LaneStatus {
     pub stats: LaneStats,
     /// Steps of single environments in the last second.
     pub steps_per_s: f64,
-    /// Microseconds that a request waited for a worker, on average over the last second.
+    /// Microseconds that a request waited until it was received, on average over the last second.
     pub queue_wait_us: f64,
     /// Why it failed, if it did.
     pub failure: Option<String>,

@@ -65,8 +65,7 @@ struct PoolInfo<'a> {
     name: &'a str,
     instance: &'a str,
     threads: usize,
-    /// Threads that may write frames at once: while a learner of this process takes a worker's place, the
-    /// worker may still write its last chunk.
+    /// Threads that may write to frames of a lane at once.
     writers: usize,
 }
 

@@ -164,7 +164,7 @@ fn work_that_a_caller_leaves_is_carried_out() {
     }
 }
 
-/// The one that leaves work has the place of the other until that has left, too.
+/// Neither the server nor the helper may take it before the other one has left, too.
 #[test]
 fn work_that_is_left_while_another_learner_calls_is_carried_out() {
     for threads in [1, 2] {
@@ -181,9 +181,9 @@ fn work_that_is_left_while_another_learner_calls_is_carried_out() {
     }
 }
 
-/// Requests of other processes, which the server accepts: it works on them itself, and a helper takes part.
+/// Requests of other processes: the server, here this thread, works on them, and a helper takes part.
 #[test]
-fn requests_that_a_thread_accepts_without_a_place_are_carried_out() {
+fn requests_that_the_server_accepts_are_carried_out() {
     for synchronous in [true, false] {
         model(2, synchronous, 2, |pool| {
             pool.publish();
