@@ -44,14 +44,15 @@ impl Capacity {
     ) -> Capacity {
         let LaneSettings { num_envs, batch_size, .. } = *settings;
         let synchronous = settings.is_synchronous();
-        // A thread that opens a frame writes to no other; each of the rest may write to a frame of an earlier
-        // session, or to the last slot of a full one. One more is for a rejection, and one is kept back to
-        // report a failure.
-        let writing = threads.min(num_envs);
+        // A synchronous lane opens a frame when no thread writes to the one before. In an asynchronous one
+        // the thread that opens a frame writes to no other, and each of the rest may write to a frame of an
+        // earlier session, or to the last slot of a full one. One more is for a rejection, and one is kept
+        // back to report a failure.
+        let writing = if synchronous { 1 } else { threads.min(num_envs) + 1 };
         Capacity {
             max_held_batches,
             frames_waiting: num_envs / batch_size + 1,
-            frames_filling: if synchronous { writing + 2 } else { writing + 3 },
+            frames_filling: writing + 2,
             spectators,
             requests_waiting: if synchronous { 2 } else { num_envs.min(64) },
         }
