@@ -57,6 +57,7 @@ impl AttachedLane {
             return self.send(kind, ids, body, wait);
         }
         // Only a reset that was sent begins an epoch: otherwise results of the present one are still to come.
+        self.refused.clear();
         self.send(kind, ids, body, wait)?;
         self.outstanding.reset_all(number);
         (self.epoch, self.sequence) = (Some(number), None);
