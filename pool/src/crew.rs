@@ -1,11 +1,11 @@
 //! The threads of a pool: which of them may work, and how those that have nothing to do wait.
 //!
-//! A pool of N threads has one *server*, which receives the requests of learners in other processes, and N -
-//! 1 *helpers*, numbered from 0. A *caller* is the thread of a learner of this process, which works on its
-//! own lane while it waits for its batch (caller runs). Helper k works only while k and the callers are fewer
-//! than N, and the server works on lanes of callers only if there is none; so callers take the places of the
-//! server and then of the last helpers. A helper that finds nothing to take receives requests while the
-//! server works.
+//! One of a pool's N threads is the *server*, which receives the requests of learners in other processes; the
+//! others are *helpers*, numbered from 0. A *caller* is the thread of a learner of this process, which works
+//! on its own lane while it waits for its batch (caller runs). Helper k works only while k and the callers
+//! are fewer than N, and the server works on lanes of callers only if there is none; so callers take the
+//! places of the server and then of the last helpers. A helper that finds nothing to take receives requests
+//! while the server works.
 //!
 //! Who publishes work takes part in it until nothing is left to take, so helpers are needed for speed alone;
 //! only a caller that leaves work behind depends on them, and on the server.
@@ -91,8 +91,8 @@ impl Crew {
         self.callers.fetch_add(1, Ordering::SeqCst);
     }
 
-    /// This thread works no more. Returns whether the server must be woken: there is work, and nobody else
-    /// has its place.
+    /// This thread works no more. Returns whether the server must be woken: there is work, and no caller has
+    /// its place.
     pub(crate) fn leave(&self, source: &impl Source) -> bool {
         self.callers.fetch_sub(1, Ordering::SeqCst);
         fence(Ordering::SeqCst);

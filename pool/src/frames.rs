@@ -27,7 +27,7 @@ struct OpenFrame<L> {
     memory: FrameMemory,
     claimed: usize,
     written: usize,
-    /// Its session is over: the frame is dropped when all its claimed slots are complete.
+    /// Its session or epoch is over: the frame is dropped when all its claimed slots are complete.
     stale: bool,
 }
 

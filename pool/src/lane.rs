@@ -9,7 +9,7 @@ use crate::lane_settings::LaneSpec;
 use crate::lane_stats::LaneStats;
 use crate::rejection::Rejection;
 use crate::slot::SharedFrame;
-use crate::sync::{AtomicBool, Mutex, Ordering, lock};
+use crate::sync::{AtomicBool, Mutex, Ordering, lock, yield_now};
 use crate::transport::{
     Epoch, Inlet, Message, Number, Received, Request, RequestNumber, SessionId, Transport, TransportError,
 };
@@ -106,11 +106,6 @@ impl<T: Transport> Lane<T> {
         &self.work
     }
 
-    /// Whether there are orders that will be carried out and are not yet.
-    pub(crate) fn is_at_work(&self) -> bool {
-        self.group.is_at_work() && self.failure().is_none()
-    }
-
     /// Serves `session` from now on, beginning with a reset; `None` is no learner. Nothing of an earlier
     /// session reaches it. Its work is still carried out, so that later episodes do not depend on how far the
     /// threads had come, but its results get no slots.
@@ -198,36 +193,37 @@ impl<T: Transport> Lane<T> {
         let is_current = intake.session() == Some(message.request().session);
         if is_current && self.must_wait(&message.request()) {
             intake.waiting = Some(message);
+            drop(intake);
+            yield_now(); // to the threads that have the orders
             return Some(0);
         }
         drop(intake);
         let request = message.request();
-        let waited = message.waited();
-        match self.order(&request) {
-            Ok(threads) => {
-                lock(&self.stats).waited_ns += waited.as_nanos() as u64;
-                Some(threads)
-            }
-            Err(rejection) => {
-                self.reject(&request, &rejection);
-                Some(0)
-            }
-        }
+        let ordered = self.order(&request, message.waited());
+        Some(ordered.unwrap_or_else(|rejection| {
+            self.reject(&request, &rejection);
+            0
+        }))
     }
 
     /// Whether this is a reset of all environments and some have orders. These are carried out before, so
     /// that what follows does not depend on how far the threads had come.
     pub(crate) fn must_wait<N>(&self, request: &Request<'_, N>) -> bool {
-        self.group.is_reset_of_all(request) && self.is_at_work()
+        self.group.is_reset_of_all(request) && self.group.is_at_work() && self.failure().is_none()
     }
 
     /// Accepts all of a request or nothing. Returns for how many threads its environments are work; 0 if the
     /// request is not of the present session, or still [must wait](Lane::must_wait), because the pool ends.
+    /// It was sent so long ago.
     ///
     /// # Errors
     /// Why it is refused.
-    pub(crate) fn order<N: Number>(&self, request: &Request<'_, N>) -> Result<usize, Rejection> {
-        let ordered = self.try_order(request);
+    pub(crate) fn order<N: Number>(
+        &self,
+        request: &Request<'_, N>,
+        waited: Duration,
+    ) -> Result<usize, Rejection> {
+        let ordered = self.try_order(request, waited);
         if let Err(rejection) = &ordered {
             tracing::debug!(lane = self.name, %rejection, "request rejected");
             lock(&self.stats).rejected += 1;
@@ -235,7 +231,7 @@ impl<T: Transport> Lane<T> {
         ordered
     }
 
-    fn try_order<N: Number>(&self, request: &Request<'_, N>) -> Result<usize, Rejection> {
+    fn try_order<N: Number>(&self, request: &Request<'_, N>, waited: Duration) -> Result<usize, Rejection> {
         let mut intake = lock(&self.intake);
         let Some(epoch) = intake.epoch.filter(|epoch| epoch.session == request.session) else {
             let session = request.session.0;
@@ -260,7 +256,10 @@ impl<T: Transport> Lane<T> {
             lock(&self.frames).begin_epoch(epoch);
         }
         checked?;
-        lock(&self.stats).accepted += 1;
+        let mut stats = lock(&self.stats);
+        stats.accepted += 1;
+        stats.waited_ns += waited.as_nanos() as u64;
+        drop(stats);
         if !self.group.is_synchronous() {
             self.group.begin(&intake.draft.envs);
             self.work.add(&intake.draft.envs);

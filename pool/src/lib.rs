@@ -2,10 +2,10 @@
 //! through the [`transport`] traits and knows nothing of iceoryx2, and of battles only how to
 //! step, observe, save and restore them.
 //!
-//! The path of a batch: a thread receives a [request](transport::Request) from a lane's inlet, accepts all of
-//! it or nothing, and publishes its environments as work. Threads take chunks of them, step them and write
-//! each result into its slot of a frame that the lane's outlet loaned. Completing the last slot publishes the
-//! frame.
+//! The path of a batch: a [request](transport::Request) comes from a lane's inlet, or is a call of a learner
+//! of this process. The lane accepts all of it or nothing, and publishes its environments as work. Threads
+//! take chunks of them, step them and write each result into its slot of a frame that the lane's outlet
+//! loaned. Completing the last slot publishes the frame.
 
 #![deny(unsafe_code)] // except in `slot` and its one caller, `env_group`, which say why
 

@@ -271,7 +271,7 @@ impl<T: Transport> LocalLearner<T> {
         let lane = self.lane;
         let Some(shared) = enter(&mut self.entered, &self.pool) else { return Ok(()) };
         shared.finish(lane, request, &mut self.scratch);
-        let ordered = shared.contained(lane, || shared.lanes[lane].order(request));
+        let ordered = shared.contained(lane, || shared.lanes[lane].order(request, Duration::ZERO));
         let threads = ordered.unwrap_or(Ok(0))?; // a lane that failed has reported it
         shared.crew.wake(threads.saturating_sub(1));
         Ok(())

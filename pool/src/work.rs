@@ -11,8 +11,8 @@
 //! frame), and taking acquires it. A take that compares with an old value of a range fails, or finds the same
 //! numbers published again; then it takes part in the new request, as any thread may. The place of a position
 //! is written again only when a later position was added, which an environment has, so after it was taken: a
-//! thread that reads a place before it takes it, and then finds that nobody else did, has read it in time.
-//! So that no processor moves the read behind the take, the take releases, too.
+//! thread that reads a place, and then takes it because no other thread has, has read it in time. So that no
+//! processor moves the read behind the take, the take releases, too.
 
 use crate::sync::{AtomicU32, AtomicU64, Ordering};
 use crossbeam::utils::CachePadded;
@@ -70,7 +70,7 @@ impl Work {
     pub(crate) fn add(&self, envs: &[u32]) {
         let left = &self.left[0];
         let mut seen = left.load(Ordering::Relaxed);
-        let end = seen as u32; // nobody else changes it
+        let end = seen as u32; // no other thread changes it
         for (env, i) in envs.iter().zip(0..) {
             self.place(end.wrapping_add(i)).store(*env, Ordering::Relaxed);
         }

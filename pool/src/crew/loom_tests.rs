@@ -154,7 +154,7 @@ fn requests_of_a_caller_are_carried_out() {
     }
 }
 
-/// By the server or a helper: whoever sleeps is woken.
+/// By the server or a helper, which is woken if it sleeps.
 #[test]
 fn work_that_a_caller_leaves_is_carried_out() {
     for synchronous in [true, false] {

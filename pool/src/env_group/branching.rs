@@ -4,22 +4,21 @@
 use super::{Draft, EnvGroup};
 use crate::hosted_env::Task;
 use crate::rejection::Rejection;
-use crate::transport::{Number, Request};
+use crate::transport::Number;
 
 impl EnvGroup {
     /// Reads every snapshot into the memory of its environment, which takes that state when it is served.
     pub(super) fn check_restore<N: Number>(
         &self,
         draft: &mut Draft,
-        request: &Request<'_, N>,
+        records: &[N],
         seed: Option<u64>,
     ) -> Result<(), Rejection> {
-        request.env_ids.iter().try_for_each(|id| self.check_env(draft, id).map(drop))?;
         if draft.record.is_empty() {
             let what = "the lane has no field `snapshot`, without which nothing can be restored".to_owned();
             return Err(Rejection::Malformed { what });
         }
-        let records = request.body.chunks_exact(draft.record.len());
+        let records = records.chunks_exact(draft.record.len());
         for (&env, record) in draft.envs.iter().zip(records) {
             draft.record.iter_mut().zip(record).for_each(|(own, sent)| *own = sent.read());
             let staged = self.lock(env as usize).stage(bytemuck::cast_slice(&draft.record), self.autoreset);
@@ -32,12 +31,11 @@ impl EnvGroup {
     /// Saves every state that is forked before any environment changes.
     pub(super) fn check_fork<N: Number>(
         &self,
-        draft: &mut Draft,
-        request: &Request<'_, N>,
+        draft: &Draft,
+        from: &[N],
         seed: Option<u64>,
     ) -> Result<(), Rejection> {
-        request.env_ids.iter().try_for_each(|id| self.check_env(draft, id).map(drop))?;
-        for (&env, from) in draft.envs.iter().zip(request.body) {
+        for (&env, from) in draft.envs.iter().zip(from) {
             let (env, from) = (env as usize, self.idle_env(from)?);
             let mut state = self.lock(env).exchange_staged(None).unwrap_or_default();
             self.lock(from).save_into(&mut state);

@@ -1,5 +1,5 @@
 //! How a request is checked: everything is read once and becomes an order, or nothing does. What is written
-//! meanwhile is read by nobody before the orders are published.
+//! meanwhile is not read before the orders are published.
 //!
 //! An environment has at most one order at a time: a request to one that has not carried out its last order
 //! is refused.
@@ -58,15 +58,19 @@ impl EnvGroup {
         if !was_reset && !self.is_reset_of_all(request) {
             return Err(Rejection::NotReset);
         }
-        match request.kind {
-            RequestKind::Step => self.check_step(draft, request.env_ids, request.body),
+        let Request { kind, env_ids, body, .. } = request;
+        if *kind != RequestKind::Step {
+            env_ids.iter().try_for_each(|id| self.check_env(draft, id).map(drop))?;
+        }
+        match *kind {
+            RequestKind::Step => self.check_step(draft, env_ids, body),
             RequestKind::Reset { seed, levels } => {
                 // Every session begins with the lane's own seed, so that it does not depend on earlier ones.
                 let seed = if was_reset { seed } else { seed.or(Some(self.seed)) };
-                self.check_reset(draft, request, seed, levels)
+                self.check_reset(draft, levels.then_some(body), seed)
             }
-            RequestKind::Restore { seed } => self.check_restore(draft, request, seed),
-            RequestKind::Fork { seed } => self.check_fork(draft, request, seed),
+            RequestKind::Restore { seed } => self.check_restore(draft, body, seed),
+            RequestKind::Fork { seed } => self.check_fork(draft, body, seed),
         }
     }
 
@@ -104,16 +108,14 @@ impl EnvGroup {
 
     fn check_reset<N: Number>(
         &self,
-        draft: &mut Draft,
-        request: &Request<'_, N>,
+        draft: &Draft,
+        levels: Option<&[N]>,
         seed: Option<u64>,
-        levels: bool,
     ) -> Result<(), Rejection> {
-        request.env_ids.iter().try_for_each(|id| self.check_env(draft, id).map(drop))?;
-        if levels {
-            self.check_levels(&draft.envs, request.body)?;
+        if let Some(levels) = levels {
+            self.check_levels(&draft.envs, levels)?;
         }
-        let task = if levels { Task::ResetTo } else { Task::Reset };
+        let task = if levels.is_some() { Task::ResetTo } else { Task::Reset };
         for &env in &draft.envs {
             if let Some(seed) = seed {
                 self.lock(env as usize).battle.reseed(seed.wrapping_add(u64::from(env)));
