@@ -1,4 +1,4 @@
-"""The page of a person who plays, in a real browser: battles by mouse, keys and touch, and their replays."""
+"""The playground of `smaclite-pool play`, in a real browser: battles by mouse, keys and touch, and their replays."""
 
 from __future__ import annotations
 
@@ -64,7 +64,11 @@ class PlayPage(Page):
 
     @property
     def result(self) -> str:
-        return self.text("#result")
+        return self.text("#result").split(",")[0]
+
+    @property
+    def is_over(self) -> bool:
+        return self.result in ("Won", "Lost", "Time limit")
 
     def one_step(self) -> None:
         """Plays a step, unless the battle is over."""
@@ -145,26 +149,24 @@ def test_a_battle_by_mouse_from_the_first_command_to_its_replay(browser: Any, tm
         while not page.seen():
             page.one_step()
             assert page.step < 20, "they walk towards the enemies"
-        while page.page.is_hidden("#end"):
+        while not page.is_over:
             page.press("Control+a")
             if page.seen():
                 page.command_to(*page.place(1, page.seen()[0]))
             page.one_step()
         assert page.result == "Won", "a team that commands beats one that does not"
-        steps, text = page.step, page.text("#end p")
-        assert text.startswith("Return ") and f"in {steps} steps" in text and "the enemies 5 of 5" in text
+        steps = page.step
         file = tmp_path / "mine.smreplay"
-        page.save(lambda: page.page.click("#end-save"), file)
+        page.save(lambda: page.page.click("#save"), file)
         printed = replayed(file, tmp_path / "mine.html")
         assert f"{steps} steps" in printed and "won" in printed, printed
 
-        # The page now shows any tick of the battle; and then begins another one, with the next seed.
-        page.page.click("#end-close")
-        page.press("Home", "ArrowRight")
-        assert page.step == 0 and page.shown("#scrub")
+        # The page shows any tick of the battle; and then begins another one, with the next seed.
+        page.press("Home")
+        assert page.step == 0
         page.page.click("#again")
-        page.wait(lambda: page.result == "Paused")
-        assert "4" in page.text("#facts") and page.step == 0 and page.page.is_hidden("#scrub")
+        page.wait(lambda: page.page.input_value("#seed") == "4")
+        assert page.step == 0 and "you play 5 of 5" in page.text("#result"), "they stay the person's"
     with Page(browser, tmp_path / "mine.html") as replay:
         assert replay.text("#result") == "Won" and replay.last == steps * 8
 
@@ -243,8 +245,7 @@ def test_time_runs_and_stops(browser: Any) -> None:
         page.page.wait_for_timeout(400)
         assert page.tick == paused and page.result == "Paused"
         page.press("Space", *"+" * 4)
-        page.wait(lambda: page.shown("#end"))
-        assert page.result in ("Won", "Lost") and page.text("#end h2") == page.result
+        page.wait(lambda: page.is_over)
 
 
 def test_what_no_unit_sees_is_hidden(browser: Any) -> None:
@@ -289,9 +290,7 @@ def test_a_battle_by_touch(browser: Any, scheme: str) -> None:
         for _ in range(4):
             page.page.click("[data-speed='1']")
         page.page.click("#play")
-        page.wait(lambda: page.shown("#end"))
-        box = page.page.locator("#end").bounding_box()
-        assert box["x"] >= 0 and box["x"] + box["width"] <= 390
+        page.wait(lambda: page.is_over)
 
 
 def test_a_battle_goes_on_when_the_program_comes_back(
@@ -308,7 +307,7 @@ def test_a_battle_goes_on_when_the_program_comes_back(
         before = page.place(0, 0)
         page.stop()
         page.page.wait_for_selector("#message:visible")
-        assert "connection to smaclite-pool play is lost" in page.text("#message")
+        assert "connection to smaclite-pool is lost" in page.text("#message")
         page.start()
         page.page.wait_for_selector("#message", state="hidden")
         page.settle()
@@ -319,3 +318,20 @@ def test_a_battle_goes_on_when_the_program_comes_back(
         refused = re.compile(r"WebSocket connection to .* failed|ERR_CONNECTION_REFUSED")
         page.problems = [text for text in page.problems if not refused.search(text)]
     assert "6 steps" in replayed(tmp_path / "on.smreplay", tmp_path / "on.html")
+
+
+def test_a_trained_team_plays_the_enemies(browser: Any, tmp_path: Path) -> None:
+    with PlayPage(browser, "3m", "--against", "zoo:3m", "--rules", "starcraft") as page:
+        assert page.page.input_value("#opponent") == "zoo:3m" and "starcraft" in page.text("#facts")
+        page.press("Control+a", "s", "f", "Space", *"+" * 4)
+        page.wait(lambda: page.is_over)
+        assert page.result == "Lost", "agents that only stand"
+        page.save(lambda: page.page.click("#save"), tmp_path / "lost.smreplay")
+        assert f"{page.step} steps" in replayed(tmp_path / "lost.smreplay", tmp_path / "lost.html")
+        # Who gives all agents back watches two teams.
+        page.page.click("#again")
+        page.wait(lambda: page.page.input_value("#seed") == "1")
+        page.page.click("#release")
+        page.wait(lambda: "you play" not in page.text("#result"))
+        page.press("Space")
+        page.wait(lambda: page.is_over)

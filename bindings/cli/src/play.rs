@@ -1,14 +1,17 @@
-//! `smaclite-pool play`: a page in the browser on which a person plays against a script or a trained team.
+//! `smaclite-pool play`: the playground, where a person plays against a script or a trained team.
 
 use crate::check::warn_of;
 use crate::number::seed;
 use crate::opponent::OpponentOption;
-use crate::web::play::Play as Page;
+use crate::web::playground::Playground;
 use crate::web::{ServeOptions, serve};
 use crate::{CommandResult, completions};
 use clap::Args;
+use serde_json::json;
 use smaclite_engine::{BattleSetup, Rules};
-use smaclite_learn::{TrainedTeam, resolve_scenario};
+use smaclite_learn::{read_team_files, resolve_scenario};
+use smaclite_playground::{Start, TeamFiles, source_of};
+use std::path::Path;
 
 #[derive(Args)]
 #[command(after_help = "\
@@ -47,16 +50,39 @@ impl Play {
         }
         let setup = resolve_scenario(&self.scenario, self.rules)?;
         warn_of(&setup.files);
-        let page = match self.against {
-            OpponentOption::Scripts(opponents) => Page::new(BattleSetup { opponents, ..setup }, self.seed)?,
+        let mut teams = vec![team_files(Path::new("zoo:all-maps"), "all-maps")?];
+        let (opponents, opponent) = match self.against {
+            OpponentOption::Scripts(opponents) => match opponents.weights() {
+                [(script, _)] => (setup.opponents.clone(), script.name().to_owned()),
+                _ => (opponents, String::new()),
+            },
             OpponentOption::Team(folder) => {
-                let team = TrainedTeam::open_for(&folder, &setup)?;
-                Page::against_team(setup, team, folder.display().to_string(), self.seed)?
+                let name = folder.display().to_string();
+                teams.push(team_files(&folder, &name)?);
+                (setup.opponents.clone(), name)
             }
             OpponentOption::OwnTeam | OpponentOption::League => {
                 return Err("--against takes scripts or a team; self and league are for training".into());
             }
         };
+        let (scenario, arena) = setup.arena()?;
+        let of_map = BattleSetup { rules: Rules::default(), opponents, ..setup.clone() };
+        let first = json!({
+            "scenario": source_of(&of_map, &scenario),
+            "seed": self.seed.to_string(),
+            "opponent": opponent,
+            "rules": if setup.rules == of_map.rules { String::new() } else { setup.rules.to_string() },
+            "taken": (0..arena.sizes().n_agents).collect::<Vec<_>>(),
+        });
+        let start = Start { first, has_fog: true, can_share: false };
+        let page = Playground { teams, start };
+        page.check()?;
         serve(&self.serve, vec![("/", Box::new(page))])
     }
+}
+
+/// The files of a team, for a page that calls it by this name.
+fn team_files(folder: &Path, name: &str) -> Result<TeamFiles, Box<dyn std::error::Error>> {
+    let (run, weights) = read_team_files(folder)?;
+    Ok(TeamFiles::new(name.to_owned(), String::from_utf8(run)?, &weights)?)
 }

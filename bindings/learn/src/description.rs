@@ -202,6 +202,17 @@ impl std::str::FromStr for Weights {
     }
 }
 
+/// The files of the team in the folder of a run, as they are: `run.json`, and the weights of [`Weights::of`].
+///
+/// # Errors
+/// If they cannot be read or `run.json` is damaged.
+pub fn read_team_files(folder: &Path) -> Result<(Vec<u8>, Vec<u8>), FileError> {
+    let run = RunDescription::read(folder)?;
+    let weights = Weights::of(folder, &run);
+    weights.check_kept(folder)?;
+    Ok((read(&folder.join("run.json"))?, read(&folder.join(weights.file_name()))?))
+}
+
 /// The trained team in the folder of a run: the run, which of its weights, and the policy with those.
 ///
 /// # Errors

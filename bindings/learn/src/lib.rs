@@ -76,7 +76,7 @@ pub use config::{
     Activation, Algorithm, Config, ConfigError, Enemies, NetworkKind, STATE_CRITIC_AGENTS, SelfPlay,
     TEAM_ENTROPY, UnknownKeyword,
 };
-pub use description::{OtherMap, RunDescription, Weights};
+pub use description::{OtherMap, RunDescription, Weights, read_team_files};
 pub use evaluate::{
     EvaluateError, EvaluatedEpisode, Evaluation, EvaluationEvent, EvaluationResult, evaluate,
 };

@@ -8,6 +8,8 @@ import { isText, nameOf } from "./scenario.js";
 /** @import { Choices, TeamInfo } from "./protocol.d.ts" */
 /** @import { SharedBattle } from "./link.js" */
 
+/** What can be chosen, by the names of its fields. */
+const CHOICES = /** @type {const} */ (["scenario", "team", "opponent", "rules", "seed"]);
 /** What plays the agents if the chosen team cannot. */
 export const DEFAULT_TEAM = "nearest";
 
@@ -27,7 +29,7 @@ export function teamFor(teams, scenario) {
 export class ChoiceBar {
   /**
    * @param {Choices} choices
-   * @param {(battle: Pick<SharedBattle, "scenario" | "team" | "opponent" | "seed">) => void} choose
+   * @param {(battle: Omit<SharedBattle, "actions" | "taken">) => void} choose
    */
   constructor(choices, choose) {
     this.choices = choices;
@@ -37,19 +39,23 @@ export class ChoiceBar {
     this.wantsTrained = true;
     this.fill();
     byId("choices").addEventListener("submit", (/** @type {Event} */ event) => event.preventDefault());
-    for (const id of ["scenario", "opponent", "seed", "team"])
-      byId(id).addEventListener("change", () => choose(this.chosen(id)));
+    for (const id of CHOICES) byId(id).addEventListener("change", () => choose(this.chosen(id)));
   }
 
   fill() {
-    const { scenarios, generated, opponents, policies, teams } = this.choices;
+    const { scenarios, generated, opponents, policies, rules, teams } = this.choices;
     const maps = [group("Maps", scenarios), group("Drawn teams", generated)];
     const own = new Set([this.opened ?? "", ...teams.map(({ source }) => source)].filter(isText));
     if (own.size) maps.unshift(group("Opened", [...own], (text) => nameOf(text) ?? "your scenario"));
     byId("scenario").replaceChildren(...maps);
     byId("opponent").replaceChildren(
       make("option", { value: "" }, "The map's own"),
-      ...opponents.map((name) => make("option", { value: name }, titleCase(name))),
+      group("Scripts", opponents, titleCase),
+      ...(teams.length ? [group("Trained teams", teams, labelOf)] : []),
+    );
+    byId("rules").replaceChildren(
+      make("option", { value: "" }, "The map's own"),
+      ...rules.map((name) => make("option", { value: name }, name)),
     );
     byId("team").replaceChildren(
       ...(teams.length ? [group("Trained teams", teams, labelOf)] : []),
@@ -62,10 +68,8 @@ export class ChoiceBar {
    * @param {string} changed
    */
   chosen(changed) {
-    const [scenario, team, opponent, seed] = ["scenario", "team", "opponent", "seed"].map(
-      (id) => byId(id).value,
-    );
-    const chosen = { scenario, team, opponent, seed: seed.trim() };
+    const [scenario, team, opponent, rules, seed] = CHOICES.map((id) => byId(id).value);
+    const chosen = { scenario, team, opponent, rules, seed: seed.trim() };
     const { teams } = this.choices,
       trained = teams.find(({ name }) => name === team),
       map = nameOf(scenario) ?? scenario;
@@ -89,16 +93,13 @@ export class ChoiceBar {
     this.fill();
   }
 
-  /** @param {Pick<SharedBattle, "scenario" | "team" | "opponent" | "seed">} battle */
+  /** @param {Omit<SharedBattle, "actions" | "taken">} battle */
   show(battle) {
     if (isText(battle.scenario) && battle.scenario !== this.opened) {
       this.opened = battle.scenario;
       this.fill();
     }
-    Object.assign(byId("scenario"), { value: battle.scenario });
-    Object.assign(byId("team"), { value: battle.team });
-    Object.assign(byId("opponent"), { value: battle.opponent });
-    Object.assign(byId("seed"), { value: battle.seed });
+    for (const id of CHOICES) Object.assign(byId(id), { value: battle[id] });
   }
 }
 

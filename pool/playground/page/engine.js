@@ -1,10 +1,17 @@
 // @ts-check
-// Engine: battles, in WebAssembly. A request and its response are one message of JSON in the engine's memory
+// WasmEngine: battles, in WebAssembly. A request and its response are one message of JSON in the engine's memory
 // (`src/exports.rs`); `src/protocol.rs` declares them and writes their types to protocol.d.ts.
 
 /** @import { Outcome, Request, Response } from "./protocol.d.ts" */
 /**
- * What the engine exports.
+ * What answers the requests of a page, one after another; an error says why a request is refused. It runs in the
+ * page, or in the program that serves it.
+ * @typedef {object} Engine
+ * @property {<T extends Request["type"]>(request: Extract<Request, { type: T }>) =>
+ *   Promise<Extract<Response, { type: T }>>} request
+ */
+/**
+ * What the module exports.
  * @typedef {object} Exports
  * @property {WebAssembly.Memory} memory
  * @property {(length: number) => number} request
@@ -12,11 +19,11 @@
  * @property {() => number} response
  */
 
-export class Engine {
+export class WasmEngine {
   /** @param {BufferSource} code */
   static async load(code) {
     const { instance } = await WebAssembly.instantiate(code, {});
-    return new Engine(/** @type {any} */ (instance.exports));
+    return new WasmEngine(/** @type {any} */ (instance.exports));
   }
 
   /** @param {Exports} exports */
@@ -28,9 +35,9 @@ export class Engine {
    * The response to a request; an error if it is refused.
    * @template {Request["type"]} T
    * @param {Extract<Request, { type: T }>} request
-   * @returns {Extract<Response, { type: T }>}
+   * @returns {Promise<Extract<Response, { type: T }>>}
    */
-  request(request) {
+  async request(request) {
     /** @type {Outcome} */
     const outcome = JSON.parse(this.respond(JSON.stringify(request)));
     if ("error" in outcome) throw new Error(outcome.error);

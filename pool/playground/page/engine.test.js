@@ -6,7 +6,7 @@ import assert from "node:assert/strict";
 import { existsSync, readFileSync, readdirSync } from "node:fs";
 import { test } from "node:test";
 import { gunzipSync, gzipSync } from "node:zlib";
-import { Engine } from "./engine.js";
+import { WasmEngine } from "./engine.js";
 
 const BUILT = new URL("../../../target/playground/", import.meta.url);
 const GOLDEN = new URL("golden/", BUILT);
@@ -15,7 +15,7 @@ const LARGEST_PAGE = 450_000;
 
 const file = new URL("engine.wasm", BUILT);
 const skip = existsSync(file) ? false : "`just playground` has built no engine";
-const load = () => Engine.load(readFileSync(file));
+const load = () => WasmEngine.load(readFileSync(file));
 
 /** @param {string} name */
 const goldenText = (name) => gunzipSync(readFileSync(new URL(name, GOLDEN))).toString();
@@ -27,9 +27,9 @@ test("recorded battles are played to the bit, tick by tick", { skip }, async (t)
   assert.ok(names.length > 0);
   for (const name of names) {
     // It is an error if a checksum, which covers all units after every tick, differs.
-    const { episodes } = engine.request({ type: "open_replay", name, replay: goldenText(name) });
+    const { episodes } = await engine.request({ type: "open_replay", name, replay: goldenText(name) });
     const [{ checksum, steps }] = episodes;
-    const { played } = engine.request({
+    const { played } = await engine.request({
       type: "begin_battle",
       of: { kind: "episode", episode: 0 },
       team: "nearest",
@@ -37,7 +37,7 @@ test("recorded battles are played to the bit, tick by tick", { skip }, async (t)
       taken: [],
     });
     assert.equal(played.steps, steps, name);
-    assert.equal(engine.request({ type: "get_replay" }).checksum, checksum, name);
+    assert.equal((await engine.request({ type: "get_replay" })).checksum, checksum, name);
   }
   t.diagnostic(`${names.length} recordings`);
 });
@@ -48,7 +48,7 @@ test("a battle that is played otherwise than recorded is refused", { skip }, asy
   const [name] = readdirSync(GOLDEN);
   const replay = JSON.parse(goldenText(name));
   replay.episodes[0].step_checksums[1] ^= 1;
-  assert.throws(
+  await assert.rejects(
     () => engine.request({ type: "open_replay", name, replay: JSON.stringify(replay) }),
     /step 1/,
   );
@@ -61,19 +61,19 @@ const battles = JSON.parse(readFileSync(new URL("engine.test.json", import.meta.
 // A Rust test of src/session.rs writes what the native engine does.
 test("scripts, opponents and observations are those of the native engine", { skip }, async () => {
   const engine = await load();
-  for (const battle of battles) assert.deepEqual(play(engine, battle), battle);
+  for (const battle of battles) assert.deepEqual(await play(engine, battle), battle);
 });
 
 /**
- * @param {Engine} engine
+ * @param {WasmEngine} engine
  * @param {{ scenario: string, team: string, opponent: string }} battle
  */
-function play(engine, { scenario, team, opponent }) {
-  const of = /** @type {const} */ ({ kind: "scenario", scenario, seed: "7", opponent });
-  engine.request({ type: "begin_battle", of, team, actions: [], taken: [] });
-  const { steps, result } = engine.request({ type: "play_steps", steps: 1000 });
-  const { checksum } = engine.request({ type: "get_replay" });
-  const { obs } = engine.request({ type: "get_observation", step: 3, agent: 1 });
+async function play(engine, { scenario, team, opponent }) {
+  const of = /** @type {const} */ ({ kind: "scenario", scenario, seed: "7", opponent, rules: "" });
+  await engine.request({ type: "begin_battle", of, team, actions: [], taken: [] });
+  const { steps, result } = await engine.request({ type: "play_steps", steps: 1000 });
+  const { checksum } = await engine.request({ type: "get_replay" });
+  const { obs } = await engine.request({ type: "get_observation", step: 3, agent: 1 });
   const bits = new Uint32Array(Float32Array.from(obs).buffer).reduce(
     (sum, word) => (sum * 31 + word) >>> 0,
     0,
@@ -84,9 +84,9 @@ function play(engine, { scenario, team, opponent }) {
 test("a request that is refused says why, and the battle goes on", { skip }, async () => {
   const engine = await load();
   const refused = { name: "a", replay: "{}" };
-  assert.throws(() => engine.request({ type: "open_replay", ...refused }), /not a replay|a: /);
-  assert.throws(() => engine.request({ type: "play_steps", steps: 1 }), /begin a battle first/);
-  const of = /** @type {const} */ ({ kind: "scenario", seed: "1", opponent: "" });
+  await assert.rejects(() => engine.request({ type: "open_replay", ...refused }), /not a replay|a: /);
+  await assert.rejects(() => engine.request({ type: "play_steps", steps: 1 }), /begin a battle first/);
+  const of = /** @type {const} */ ({ kind: "scenario", seed: "1", opponent: "", rules: "" });
   /** @param {string} scenario */
   const begin = (scenario) =>
     engine.request({
@@ -96,19 +96,22 @@ test("a request that is refused says why, and the battle goes on", { skip }, asy
       actions: [],
       taken: [],
     });
-  assert.throws(() => begin("3n"), /did you mean/);
-  begin("3m");
-  assert.throws(() => engine.request({ type: "take_agents", agents: [3] }), /agent must be below 3, got 3/);
-  assert.equal(engine.request({ type: "play_steps", steps: 1 }).steps, 1);
+  await assert.rejects(() => begin("3n"), /did you mean/);
+  await begin("3m");
+  await assert.rejects(
+    () => engine.request({ type: "take_agents", agents: [3] }),
+    /agent must be below 3, got 3/,
+  );
+  assert.equal((await engine.request({ type: "play_steps", steps: 1 })).steps, 1);
 });
 
-test("a person reads that the engine has stopped, not that it met something unreachable", () => {
+test("a person reads that the engine has stopped, not that it met something unreachable", async () => {
   const memory = new WebAssembly.Memory({ initial: 1 });
   const respond = () => {
     throw new WebAssembly.RuntimeError("unreachable");
   };
-  const engine = new Engine({ memory, request: () => 0, respond, response: () => 0 });
-  assert.throws(() => engine.request({ type: "get_choices" }), {
+  const engine = new WasmEngine({ memory, request: () => 0, respond, response: () => 0 });
+  await assert.rejects(() => engine.request({ type: "get_choices" }), {
     message: "the engine has stopped; reload the page",
   });
 });

@@ -27,7 +27,7 @@ export class EpisodeList {
    */
   async read(engine, name, bytes) {
     const replay = await textOf(name, bytes);
-    const { episodes, program } = engine.request({ type: "open_replay", name, replay });
+    const { episodes, program } = await engine.request({ type: "open_replay", name, replay });
     this.show(episodes);
     const which = episodes.length === 1 ? "The episode" : `All ${episodes.length} episodes`;
     return `${which} of ${name} (${program}) verified: every tick has the recorded bits.`;

@@ -15,8 +15,8 @@ import { nameOf } from "./scenario.js";
  * What the page does with files.
  * @typedef {object} Openers
  * @property {(name: string, bytes: Uint8Array<ArrayBuffer>) => Promise<void>} replay
- * @property {(files: TextFile[]) => void} scenario
- * @property {(name: string, run: string, weights: Uint8Array) => void} team
+ * @property {(files: TextFile[]) => Promise<void>} scenario
+ * @property {(name: string, run: string, weights: Uint8Array) => Promise<void>} team
  * @property {(error: unknown) => void} fail
  */
 
@@ -111,7 +111,7 @@ export async function openFiles(files, openers) {
       "open a replay (.smreplay), a scenario (.json) and its unit files, or run.json and weights of a team",
     );
   const read = texts.map(async ({ file }) => ({ name: file.name, text: await file.text() }));
-  openers.scenario(await Promise.all(read));
+  return openers.scenario(await Promise.all(read));
 }
 
 /**
@@ -124,7 +124,7 @@ async function openTeam(run, weights, openers) {
     named = plays.map((best) => weights.find(({ file }) => file.name === best)),
     file = (named.find(Boolean) ?? weights[0])?.file;
   if (!file) throw new Error(`run.json is that of a team; open ${plays.join(" or ")} together with it`);
-  openers.team(`${name}, seed ${seed}`, run, await bytesOfFile(file));
+  return openers.team(`${name}, seed ${seed}`, run, await bytesOfFile(file));
 }
 
 /**

@@ -41,6 +41,7 @@ export class Headline {
     byId("again").disabled = !begun.is_playable;
     const facts = {
       enemies: titleCase(begun.opponent),
+      rules: begun.rules,
       seed: begun.seed,
       ...(isAtEnd ? { return: episodeReturn.toFixed(2) } : {}),
     };

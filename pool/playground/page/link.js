@@ -7,12 +7,12 @@ import { isText } from "./scenario.js";
 
 /**
  * A battle: its scenario (as `Source` in src/protocol.rs has it), who plays, and the joint actions of its
- * steps. @typedef {{ scenario: string, seed: string, opponent: string, team: string, actions: number[],
- *   taken: number[] }} SharedBattle
+ * steps. @typedef {{ scenario: string, seed: string, opponent: string, rules: string, team: string,
+ *   actions: number[], taken: number[] }} SharedBattle
  */
 
 /** What a link can have; `theme` is read by #view/theme.js. */
-const KEYS = ["check", "scenario", "file", "seed", "opponent", "team", "actions", "taken", "theme"];
+const KEYS = ["check", "scenario", "file", "seed", "opponent", "rules", "team", "actions", "taken", "theme"];
 const INCOMPLETE = "the link is incomplete or was changed; copy all of it";
 
 /**
@@ -66,12 +66,13 @@ function checkOf(link) {
  * A battle as text: what stands behind `#`.
  * @param {SharedBattle} battle
  */
-export async function linkOf({ scenario, seed, opponent, team, actions, taken }) {
+export async function linkOf({ scenario, seed, opponent, rules, team, actions, taken }) {
   const link = new URLSearchParams();
   if (isText(scenario)) link.set("file", await packed(new TextEncoder().encode(scenario)));
   else link.set("scenario", scenario);
   link.set("seed", seed);
   if (opponent) link.set("opponent", opponent);
+  if (rules) link.set("rules", rules);
   link.set("team", team);
   // Two bytes per action, little-endian.
   const bytes = Uint8Array.from(actions.flatMap((action) => [action & 255, action >> 8]));
@@ -98,12 +99,15 @@ export async function battleOf(text, defaults) {
   if (taken && !/^\d+(\.\d+)*$/.test(taken))
     throw new Error(`\`taken\` must be numbers of agents with a dot between them, got \`${taken}\``);
   const scenario = file ? new TextDecoder().decode(await unpacked(file)) : link.get("scenario");
+  // Who plays in the scenario of the page says nothing of another one.
+  const rest = scenario ? { ...defaults, opponent: "", rules: "", taken: [] } : defaults;
   return {
     scenario: scenario ?? defaults.scenario,
-    seed: link.get("seed") ?? defaults.seed,
-    opponent: link.get("opponent") ?? "",
-    team: link.get("team") ?? defaults.team,
+    seed: link.get("seed") ?? rest.seed,
+    opponent: link.get("opponent") ?? rest.opponent,
+    rules: link.get("rules") ?? rest.rules,
+    team: link.get("team") ?? rest.team,
     actions: Array.from({ length: bytes.length >> 1 }, (_, i) => bytes[2 * i] | (bytes[2 * i + 1] << 8)),
-    taken: taken ? taken.split(".").map(Number) : [],
+    taken: taken ? taken.split(".").map(Number) : rest.taken,
   };
 }

@@ -5,12 +5,25 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { battleOf, linkOf } from "./link.js";
 
-const defaults = { scenario: "2s3z", seed: "1", opponent: "", team: "nearest", actions: [], taken: [] };
+const defaults = {
+  scenario: "2s3z",
+  seed: "1",
+  opponent: "",
+  rules: "",
+  team: "nearest",
+  actions: [],
+  taken: [],
+};
 
 for (const [name, battle] of Object.entries({
   defaults,
   "a battle of a person": { ...defaults, seed: "18446744073709551615", actions: [1, 6, 1005], taken: [0, 2] },
-  "a scenario of its own": { ...defaults, scenario: '{"name": "größer & + =#"}', opponent: "kite" },
+  "a scenario of its own": {
+    ...defaults,
+    scenario: '{"name": "größer & + =#"}',
+    opponent: "kite",
+    rules: "paper",
+  },
 })) {
   test(`${name}: the link has the same battle`, async () => {
     const link = await linkOf(battle);
@@ -24,6 +37,12 @@ for (const [name, battle] of Object.entries({
 
 test("a link that is only a scenario has the defaults of the page", async () => {
   assert.deepEqual(await battleOf("scenario=3m", defaults), { ...defaults, scenario: "3m" });
+});
+
+test("without a link, the battle is the one that the page was made for", async () => {
+  const own = { ...defaults, scenario: "3m", opponent: "kite", rules: "paper", taken: [0, 1, 2] };
+  assert.deepEqual(await battleOf("", own), own);
+  assert.deepEqual(await battleOf("scenario=8m", own), { ...defaults, scenario: "8m" });
 });
 
 test("a long battle is a short link", async () => {

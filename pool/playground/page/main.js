@@ -1,25 +1,28 @@
 // @ts-check
-// The page of the playground: starts the engine that is inside the page, with the teams that are there too,
-// and begins the battle of the link.
+// The page of the playground: begins the battle of the address, or the one that the page was made for.
 
 import { titleCase } from "#view/battle.js";
 import { byId, isTouch } from "#view/dom.js";
 import { theme } from "#view/theme.js";
-import { inflate } from "#view/track.js";
 import { DEFAULT_TEAM, teamFor } from "./choices.js";
-import { Engine } from "./engine.js";
 import { listenToFiles } from "./files.js";
 import { base64, battleOf } from "./link.js";
 import { Playground } from "./playground.js";
 
-/** @import { TeamFiles } from "./protocol.d.ts" */
+/** @import { Engine } from "./engine.js" */
+/** @import { SharedBattle } from "./link.js" */
+/** @import { Choices, TeamFiles } from "./protocol.d.ts" */
 /**
- * What is in the page: the engine's code, compressed by deflate, in base64; and teams.
- * @typedef {{ engine: string, teams: TeamFiles[] }} PageData
+ * What is in the page.
+ * @typedef {object} PageData
+ * @property {TeamFiles[]} teams
+ * @property {Partial<SharedBattle>} first What a battle is played with, where no link says it.
+ * @property {boolean} has_fog Whether what no agent sees is hidden.
+ * @property {boolean} can_share Whether a link to a battle opens in other browsers.
  */
 
 /** The battle of a page without a link. */
-const FIRST = { scenario: "2s3z", seed: "1", opponent: "", team: "", actions: [], taken: [] };
+const FIRST = { scenario: "2s3z", seed: "1", opponent: "", rules: "", team: "", actions: [], taken: [] };
 /** What the person can do, in the words of mouse or finger. */
 const GUIDES = {
   mouse:
@@ -28,15 +31,15 @@ const GUIDES = {
 };
 
 /**
- * The battle of the address, as the engine begins it. The team of a link may have been added to another page;
- * then a script plays on.
- * @param {Engine} engine
+ * The battle of a link, as the engine begins it. The team of a link may have been added to another page; then a
+ * script plays on.
+ * @param {Choices} choices
+ * @param {SharedBattle} defaults
  * @param {string} link
  */
-async function battleOfLink(engine, link) {
-  const battle = await battleOf(link, FIRST),
-    { scenario, seed, opponent } = battle,
-    { teams, policies } = engine.request({ type: "get_choices" });
+async function battleOfLink({ teams, policies }, defaults, link) {
+  const battle = await battleOf(link, defaults),
+    { scenario, seed, opponent, rules } = battle;
   const names = [...policies, ...teams.map(({ name }) => name)];
   const asked = battle.team || teamFor(teams, scenario),
     team = names.includes(asked) ? asked : DEFAULT_TEAM;
@@ -46,43 +49,57 @@ async function battleOfLink(engine, link) {
     ...battle,
     team,
     note,
-    source: /** @type {const} */ ({ kind: "scenario", scenario, seed, opponent }),
+    source: /** @type {const} */ ({ kind: "scenario", scenario, seed, opponent, rules }),
   };
 }
 
-/** @param {PageData} data */
-async function start(data) {
-  const engine = await Engine.load(await inflate(data.engine));
-  for (const team of data.teams) engine.request({ type: "add_team", ...team });
-  const { page, note } = await firstPage(engine);
+/**
+ * Starts the page.
+ * @param {Engine} engine
+ * @param {PageData} data
+ */
+export async function startPlayground(engine, { teams, first, has_fog: hasFog, can_share: canShare }) {
+  theme.start();
+  for (const team of teams) await engine.request({ type: "add_team", ...team });
+  const choices = await engine.request({ type: "get_choices" }),
+    defaults = { ...FIRST, ...first };
+  const { page, note } = await firstPage(engine, choices, defaults);
+  page.reveal(hasFog);
+  byId("share").hidden = !canShare;
   page.note(note ?? GUIDES[isTouch() ? "touch" : "mouse"]);
   page.warn();
   listenToFiles({
-    replay: (name, bytes) => page.openReplay(name, bytes),
-    scenario: (files) => {
-      const { scenario } = engine.request({ type: "open_scenario", files });
-      const opened = { ...page.shared, scenario, opponent: "" },
-        team = teamFor(page.choices.choices.teams, scenario);
-      // A team that plays every map does not know all that the observations of a scenario may have.
-      if (!page.choose({ ...opened, team })) page.choose({ ...opened, team: DEFAULT_TEAM });
-    },
-    team: (name, run, weights) => {
-      const { teams } = engine.request({ type: "add_team", name, run, weights: base64(weights) });
-      page.choices.take(teams);
-      const scenario = teams.find((team) => team.name === name)?.source ?? "";
-      page.choose({ ...page.shared, scenario, team: name, opponent: "" });
-    },
+    replay: (name, bytes) => page.enqueue(() => page.openReplay(name, bytes)),
+    scenario: (files) =>
+      page.enqueue(async () => {
+        const { scenario } = await engine.request({ type: "open_scenario", files });
+        const opened = { ...page.shared, scenario, opponent: "", rules: "" },
+          team = teamFor(page.choices.choices.teams, scenario);
+        // A team that plays every map does not know all that the observations of a scenario may have.
+        if (!(await page.choose({ ...opened, team }))) await page.choose({ ...opened, team: DEFAULT_TEAM });
+      }),
+    team: (name, run, weights) =>
+      page.enqueue(async () => {
+        const { teams } = await engine.request({ type: "add_team", name, run, weights: base64(weights) });
+        page.choices.take(teams);
+        const scenario = teams.find((team) => team.name === name)?.source ?? "";
+        await page.choose({ ...page.shared, scenario, team: name, opponent: "", rules: "" });
+      }),
     fail: (error) => page.fail(error),
   });
-  addEventListener("hashchange", async () => {
-    try {
-      const { source, team, actions, taken, note } = await battleOfLink(engine, location.hash.slice(1));
-      page.begin(source, team, actions, taken);
-      if (note) page.note(note);
-    } catch (error) {
-      page.fail(refusal(error));
-    }
-  });
+  addEventListener("hashchange", () =>
+    page.enqueue(async () => {
+      try {
+        const link = location.hash.slice(1);
+        const { source, team, actions, taken, note } = await battleOfLink(choices, defaults, link);
+        await page.begin(source, team, actions, taken);
+        if (note) page.note(note);
+      } catch (error) {
+        throw refusal(error);
+      }
+    }),
+  );
+  return page;
 }
 
 /**
@@ -95,13 +112,15 @@ const refusal = (error) =>
 /**
  * The page with the battle of its address, or if that is refused, with the first one and the reason.
  * @param {Engine} engine
+ * @param {Choices} choices
+ * @param {SharedBattle} defaults
  */
-async function firstPage(engine) {
+async function firstPage(engine, choices, defaults) {
   /** @param {string} link */
   const open = async (link) => {
-    const { source, team, actions, taken, note } = await battleOfLink(engine, link);
-    const begun = engine.request({ type: "begin_battle", of: source, team, actions, taken });
-    const page = new Playground(engine, source, team, begun);
+    const { source, team, actions, taken, note } = await battleOfLink(choices, defaults, link);
+    const begun = await engine.request({ type: "begin_battle", of: source, team, actions, taken });
+    const page = new Playground(engine, choices, source, team, begun);
     page.start(taken);
     return { page, note };
   };
@@ -113,11 +132,3 @@ async function firstPage(engine) {
     return first;
   }
 }
-
-theme.start();
-start(JSON.parse(byId("data").textContent)).catch((error) => {
-  byId("message").hidden = false;
-  const browsers = "Firefox 113, Chrome 103, Safari 16.4, or newer";
-  byId("message").textContent = `The page cannot start: ${error.message}. It needs ${browsers}.`;
-  console.error(error);
-});

@@ -30,7 +30,10 @@ export class Mover {
         arena.dragged = null;
         if (!box || !dragged) return otherwise.box(box, add);
         const { x, y } = arena.placeAt(box.x1, box.y1);
-        page.change(() => page.engine.request({ type: "move_unit", unit: dragged.unit, x, y }).scenario);
+        const { unit } = dragged;
+        page.enqueue(() =>
+          page.change(async () => (await page.engine.request({ type: "move_unit", unit, x, y })).scenario),
+        );
       },
     };
   }

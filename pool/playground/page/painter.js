@@ -155,14 +155,15 @@ export class Painter {
   finish(to) {
     this.extend(to, to);
     const { page, stroke } = this,
-      before = squaresOf(page.info).blocked,
-      past = [...(this.canUndo ? this.past : []), page.shared.scenario];
-    if (stroke?.map.blocked.some((square, i) => square !== before[i])) {
-      const rows = rowsOf(stroke.map);
-      if (page.change(() => page.engine.request({ type: "paint_map", rows }).scenario))
+      before = squaresOf(page.info).blocked;
+    if (!stroke?.map.blocked.some((square, i) => square !== before[i])) return this.giveUp();
+    const rows = rowsOf(stroke.map);
+    page.enqueue(async () => {
+      const past = [...(this.canUndo ? this.past : []), page.shared.scenario];
+      if (await page.change(async () => (await page.engine.request({ type: "paint_map", rows })).scenario))
         Object.assign(this, { past, newest: page.shared.scenario });
-    }
-    this.giveUp();
+      this.giveUp();
+    });
   }
 
   /** Forgets the stroke, if there is one, and shows the map of the battle. */
@@ -178,11 +179,13 @@ export class Painter {
   }
 
   undo() {
-    const before = this.canUndo ? this.past.at(-1) : undefined;
-    if (before === undefined || !this.page.change(() => before)) return;
-    this.past.pop();
-    this.newest = before;
-    this.show();
+    this.page.enqueue(async () => {
+      const before = this.canUndo ? this.past.at(-1) : undefined;
+      if (before === undefined || !(await this.page.change(async () => before))) return;
+      this.past.pop();
+      this.newest = before;
+      this.show();
+    });
   }
 
   /**

@@ -18,7 +18,7 @@ import { save, share, sharedOf } from "./share.js";
 /** @import { AgentOrder, EpisodeResult, ScenarioInfo } from "#view/data.d.ts" */
 /** @import { Engine } from "./engine.js" */
 /** @import { SharedBattle } from "./link.js" */
-/** @import { BegunBattle, PlayedSteps, Source } from "./protocol.d.ts" */
+/** @import { BegunBattle, Choices, PlayedSteps, Source } from "./protocol.d.ts" */
 
 /** Seconds before the end of a step is shown, when the next one is played. */
 const LEAD = 0.06;
@@ -30,13 +30,19 @@ const FARTHEST_AHEAD = 240 * TICKS_PER_STEP;
 export class Playground extends Commander {
   /**
    * @param {Engine} engine
+   * @param {Choices} choices
    * @param {Source} source
    * @param {string} team
    * @param {BegunBattle} begun
    */
-  constructor(engine, source, team, begun) {
+  constructor(engine, choices, source, team, begun) {
     super(begun.scenario);
     this.engine = engine;
+    /** What is carried out now, and how much waits for it. */
+    this.queue = Promise.resolve();
+    this.pending = 0;
+    /** Whether what no agent sees is hidden until the end. */
+    this.hasFog = false;
     this.source = source;
     this.team = team;
     this.begun = begun;
@@ -57,10 +63,27 @@ export class Playground extends Commander {
     this.headline = new Headline();
     this.observation = new ObservationCard(
       byId("obs"),
-      async (_, step, agent) => engine.request({ type: "get_observation", step, agent }).obs,
+      async (_, step, agent) => (await engine.request({ type: "get_observation", step, agent })).obs,
     );
-    this.choices = new ChoiceBar(engine.request({ type: "get_choices" }), (choice) => this.choose(choice));
-    this.episodes = new EpisodeList((episode) => this.openEpisode(episode));
+    this.choices = new ChoiceBar(choices, (choice) => this.enqueue(() => this.choose(choice)));
+    this.episodes = new EpisodeList((episode) => this.enqueue(() => this.openEpisode(episode)));
+  }
+
+  /**
+   * Carries out what a person or the clock asks for, when all that was asked before is done: so it finds the
+   * battle as that left it.
+   * @param {() => Promise<unknown>} action
+   */
+  enqueue(action) {
+    this.pending++;
+    this.queue = this.queue
+      .then(action)
+      .then(
+        () => {},
+        (error) => this.fail(error),
+      )
+      .finally(() => this.pending--);
+    return this.queue;
   }
 
   /** @param {ScenarioInfo} info */
@@ -130,8 +153,8 @@ export class Playground extends Commander {
    * @param {number[] | null} [actions]
    * @param {number[]} [taken]
    */
-  begin(source, team, actions = [], taken = []) {
-    const begun = this.engine.request({ type: "begin_battle", of: source, team, actions, taken });
+  async begin(source, team, actions = [], taken = []) {
+    const begun = await this.engine.request({ type: "begin_battle", of: source, team, actions, taken });
     Object.assign(this, { source, team, goesOn: source.kind === "scenario" });
     this.accept(begun, taken);
     byId("message").hidden = byId("note").hidden = true;
@@ -149,6 +172,7 @@ export class Playground extends Commander {
     this.painter.stroke = null;
     const { wholeMap } = this.view;
     if (isOther) this.use(begun.scenario);
+    this.arena.hasFog = this.hasFog;
     this.view.wholeMap = wholeMap;
     this.field.selection.clear();
     this.restart(taken);
@@ -194,9 +218,9 @@ export class Playground extends Commander {
   }
 
   /** @param {number} steps */
-  play(steps) {
+  async play(steps) {
     try {
-      this.append(this.engine.request({ type: "play_steps", steps }));
+      this.append(await this.engine.request({ type: "play_steps", steps }));
     } catch (error) {
       this.goesOn = false;
       this.fail(error);
@@ -207,9 +231,9 @@ export class Playground extends Commander {
    * Begins a battle; false if it is refused.
    * @param {Omit<SharedBattle, "actions" | "taken">} choice
    */
-  choose({ scenario, team, opponent, seed }) {
+  async choose({ scenario, team, opponent, rules, seed }) {
     try {
-      this.begin({ kind: "scenario", scenario, seed, opponent }, team);
+      await this.begin({ kind: "scenario", scenario, seed, opponent, rules }, team);
       this.episodes.clear();
       return true;
     } catch (error) {
@@ -219,11 +243,25 @@ export class Playground extends Commander {
     }
   }
 
-  /** A new battle. */
+  /** A new battle, in which the person has the same agents. */
   again() {
-    if (!this.begun.is_playable) return;
-    const seed = String(BigInt.asUintN(64, BigInt(this.begun.seed) + 1n));
-    this.choose({ ...this.shared, seed });
+    this.enqueue(async () => {
+      if (!this.begun.is_playable) return;
+      const seed = String(BigInt.asUintN(64, BigInt(this.begun.seed) + 1n)),
+        { scenario, opponent, rules, team } = this.shared;
+      await this.begin({ kind: "scenario", scenario, seed, opponent, rules }, team, [], [...this.taken]);
+      this.episodes.clear();
+    });
+  }
+
+  /** Begins the battle again in an engine that does not know it, and shows what was shown. */
+  resume() {
+    this.enqueue(async () => {
+      const { time } = this.clock,
+        { source, team } = this;
+      await this.begin(source, team, this.actions, [...this.taken]);
+      this.seek(time);
+    });
   }
 
   /**
@@ -232,14 +270,12 @@ export class Playground extends Commander {
    */
   send(orders) {
     if (!orders.length) return;
-    try {
-      this.cut();
-      this.take([...this.taken, ...orders.map(({ agent }) => agent)]);
-      this.field.orders = this.engine.request({ type: "give_orders", orders }).orders;
-    } catch (error) {
-      this.fail(error);
-    }
-    this.redraw();
+    this.enqueue(async () => {
+      await this.cut();
+      await this.take([...this.taken, ...orders.map(({ agent }) => agent)]);
+      this.field.orders = (await this.engine.request({ type: "give_orders", orders })).orders;
+      this.redraw();
+    });
   }
 
   handlers() {
@@ -254,13 +290,20 @@ export class Playground extends Commander {
 
   /**
    * Begins the battle anew with another text of its scenario; says whether that was possible.
-   * @param {() => string} changed
+   * @param {() => Promise<string>} changed
    */
-  change(changed) {
-    const { seed, opponent, team } = this.shared,
+  async change(changed) {
+    const { seed, opponent, rules, team } = this.shared,
       { camera, isFitted } = this.view;
     try {
-      this.begin({ kind: "scenario", scenario: changed(), seed, opponent }, team, [], [...this.taken]);
+      const of = {
+        kind: /** @type {const} */ ("scenario"),
+        scenario: await changed(),
+        seed,
+        opponent,
+        rules,
+      };
+      await this.begin(of, team, [], [...this.taken]);
       if (!isFitted) Object.assign(this.view, { camera, isFitted });
       return true;
     } catch (error) {
@@ -270,7 +313,7 @@ export class Playground extends Commander {
   }
 
   /** Ends the battle after the step that is shown. */
-  cut() {
+  async cut() {
     const step = Math.ceil(this.clock.time / TICKS_PER_STEP);
     this.goesOn = true;
     if (step >= this.steps) return;
@@ -279,7 +322,7 @@ export class Playground extends Commander {
       { camera, isFitted } = view,
       actions = this.actions.slice(0, step * this.info.n_agents),
       taken = [...this.taken];
-    this.begun = this.engine.request({ type: "begin_battle", of: source, team, actions, taken });
+    this.begun = await this.engine.request({ type: "begin_battle", of: source, team, actions, taken });
     const selected = [...this.field.selection.units];
     this.restart(taken);
     Object.assign(this.view, { camera, isFitted });
@@ -289,9 +332,9 @@ export class Playground extends Commander {
   }
 
   /** @param {number[]} agents */
-  take(agents) {
+  async take(agents) {
     const taken = [...new Set(agents)];
-    this.engine.request({ type: "take_agents", agents: taken });
+    await this.engine.request({ type: "take_agents", agents: taken });
     this.arena.taken = new Set(taken);
     this.clock.isOpen = this.isLive || this.isPlayedAhead;
     this.selected();
@@ -299,14 +342,12 @@ export class Playground extends Commander {
 
   /** Lets the team play the selected agents again; if none is selected, all. */
   release() {
-    if (!this.taken.size) return;
     const selected = new Set([...this.field.selection.units].map((unit) => this.info.units[unit].id));
-    try {
-      this.cut();
-      this.take([...this.taken].filter((agent) => selected.size > 0 && !selected.has(agent)));
-    } catch (error) {
-      this.fail(error);
-    }
+    this.enqueue(async () => {
+      if (!this.taken.size) return;
+      await this.cut();
+      await this.take([...this.taken].filter((agent) => selected.size > 0 && !selected.has(agent)));
+    });
   }
 
   /** @param {number} [enemy] */
@@ -317,8 +358,17 @@ export class Playground extends Commander {
 
   /** @param {number} ticks */
   step(ticks) {
-    if (ticks > 1 && this.isLive && this.clock.time >= this.clock.end) this.play(1);
-    super.step(ticks);
+    if (ticks <= 1 || !this.isLive) return super.step(ticks);
+    this.enqueue(async () => {
+      if (this.isLive && this.clock.time >= this.clock.end) await this.play(1);
+      super.step(ticks);
+    });
+  }
+
+  reveal(hasFog = !this.hasFog) {
+    this.hasFog = this.arena.hasFog = hasFog;
+    byId("reveal").setAttribute("aria-pressed", String(!hasFog));
+    this.redraw();
   }
 
   /** @param {number} now */
@@ -328,8 +378,14 @@ export class Playground extends Commander {
     const { clock } = this,
       left = (clock.end - clock.time) / (TICKS_PER_SECOND * clock.speed);
     const isFarAhead = clock.end - clock.time > FARTHEST_AHEAD;
-    if (this.isPlayedAhead && !isFarAhead) this.play(AHEAD);
-    else if (this.isLive && this.goesOn && clock.playing && left < LEAD) this.play(1);
+    if (!this.pending) {
+      if (this.isPlayedAhead && !isFarAhead) this.enqueue(() => this.play(AHEAD));
+      else if (this.isLive && this.goesOn && clock.playing && left < LEAD) this.enqueue(() => this.play(1));
+    }
+    if (this.field.isOver !== this.isAtEnd) {
+      this.field.isOver = this.isAtEnd; // then the fog lifts
+      this.redraw();
+    }
     this.forget();
     const step = Math.floor(clock.time / TICKS_PER_STEP);
     const shown = { info: this.info, unit: this.view.selected, episode: this.serial, step };
@@ -344,13 +400,13 @@ export class Playground extends Commander {
    */
   async openReplay(name, bytes) {
     const verified = await this.episodes.read(this.engine, name, bytes);
-    this.openEpisode(0);
+    await this.openEpisode(0);
     this.note(verified);
   }
 
   /** @param {number} episode */
-  openEpisode(episode) {
-    this.begin({ kind: "episode", episode }, DEFAULT_TEAM, null);
+  async openEpisode(episode) {
+    await this.begin({ kind: "episode", episode }, DEFAULT_TEAM, null);
     this.episodes.mark(episode);
   }
 
@@ -380,6 +436,7 @@ export class Playground extends Commander {
     byId("again").addEventListener("click", () => this.again());
     byId("share").addEventListener("click", () => share(this));
     byId("save").addEventListener("click", () => save(this));
+    byId("reveal").addEventListener("click", () => this.reveal());
     byId("release").addEventListener("click", () => this.release());
     byId("battle").addEventListener("pointerdown", () => (byId("note").hidden = true));
   }
@@ -407,6 +464,7 @@ export class Playground extends Commander {
     const commands = {
       n: () => this.again(),
       r: () => this.release(),
+      f: () => this.reveal(),
       ".": () => this.step(TICKS_PER_STEP),
     };
     return commands[key] ?? super.command(key, ticks);

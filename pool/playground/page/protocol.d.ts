@@ -24,7 +24,7 @@ opponents: Array<string>,
 /**
  * Scripts that play the agents.
  */
-policies: Array<string>, teams: Array<TeamInfo>, };
+policies: Array<string>, rules: Array<string>, teams: Array<TeamInfo>, };
 export type TeamInfo = { name: string, 
 /**
  * The name of the scenario that it was trained in.
@@ -58,8 +58,8 @@ export type BeginBattle = { of: Source,
  */
 team: string, 
 /**
- * The joint actions of the steps that are played at once, agent by agent; if they are left out, all that
- * were recorded of the episode.
+ * The joint actions of the steps that are played at once, agent by agent, without those of a team that
+ * plays the enemies; if they are left out, all that were recorded of the episode.
  */
 actions: Array<number> | null, 
 /**
@@ -77,9 +77,14 @@ scenario: string,
  */
 seed: string, 
 /**
- * The script that plays the enemies; that of the scenario if this is empty.
+ * The script or trained team that plays the enemies; those of the scenario if this is empty. A team
+ * sees the map turned by half a turn.
  */
-opponent: string, } | { "kind": "episode", episode: number, };
+opponent: string, 
+/**
+ * Those of the scenario if this is empty.
+ */
+rules: string, } | { "kind": "episode", episode: number, };
 export type BegunBattle = { scenario: ScenarioInfo, features: Array<Features>, 
 /**
  * The scenario as [`Source::Scenario`] has it, for another battle.

@@ -25,11 +25,11 @@ import { linkOf, through } from "./link.js";
  */
 export function sharedOf({ source, team, begun }) {
   // What plays the enemies of a replay, if no script does, cannot be asked to play.
-  const { scenario, opponent } =
+  const { scenario, opponent, rules } =
     source.kind === "scenario"
       ? source
-      : { scenario: begun.source, opponent: begun.is_playable ? begun.opponent : "" };
-  return { scenario, seed: begun.seed, opponent, team };
+      : { scenario: begun.source, opponent: begun.is_playable ? begun.opponent : "", rules: "" };
+  return { scenario, seed: begun.seed, opponent, rules, team };
 }
 
 /**
@@ -55,7 +55,7 @@ export async function share(page) {
  */
 export async function save(page) {
   try {
-    const { name, replay } = page.engine.request({ type: "get_replay" });
+    const { name, replay } = await page.engine.request({ type: "get_replay" });
     const file = await through(new TextEncoder().encode(replay), new CompressionStream("gzip"));
     download(name, file, "application/octet-stream");
   } catch (error) {

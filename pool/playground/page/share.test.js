@@ -9,16 +9,26 @@ import { sharedOf } from "./share.js";
 const begun = { source: '{"name": "2s3z"}', seed: "7", opponent: "kite", is_playable: true };
 
 test("a battle of a scenario is what was chosen", () => {
-  const source = /** @type {const} */ ({ kind: "scenario", scenario: "2s3z", seed: "7", opponent: "" });
-  const battle = { scenario: "2s3z", seed: "7", opponent: "", team: "hold" };
+  const source = /** @type {const} */ ({
+    kind: "scenario",
+    scenario: "2s3z",
+    seed: "7",
+    opponent: "",
+    rules: "",
+  });
+  const battle = { scenario: "2s3z", seed: "7", opponent: "", rules: "", team: "hold" };
   assert.deepEqual(sharedOf({ source, team: "hold", begun }), battle);
 });
 
 test("an episode of a replay is that of its scenario, against a script if one played the enemies", () => {
   const source = /** @type {const} */ ({ kind: "episode", episode: 1 });
-  const battle = { scenario: begun.source, seed: "7", opponent: "kite", team: "nearest" };
+  const battle = { scenario: begun.source, seed: "7", opponent: "kite", rules: "", team: "nearest" };
   assert.deepEqual(sharedOf({ source, team: "nearest", begun }), battle);
   // The engine knows no opponent that is called so, and every choice was refused.
   const both = { ...begun, opponent: "learner", is_playable: false };
-  assert.deepEqual(sharedOf({ source, team: "nearest", begun: both }), { ...battle, opponent: "" });
+  assert.deepEqual(sharedOf({ source, team: "nearest", begun: both }), {
+    ...battle,
+    opponent: "",
+    rules: "",
+  });
 });

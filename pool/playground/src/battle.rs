@@ -1,5 +1,5 @@
-//! The battle that a page shows: a team plays the agents, but for those that a person has taken over. Every
-//! step is recorded, and encoded for the page.
+//! The battle that a page shows: a team plays the agents, but for those that a person has taken over, and scripts
+//! or another team play the enemies. Every step is recorded, and encoded for the page.
 
 use crate::game::{Game, GameError};
 use crate::protocol::{PlayedSteps, ReplayFile};
@@ -8,6 +8,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use smaclite_engine::policy::Scripted;
 use smaclite_engine::{Battle, IllegalAction, Scratch, Snapshot};
+use smaclite_scenarios::Faction;
 use smaclite_view::page::{encode_moments, encode_step};
 use smaclite_view::{AgentOrder, Moment, Observer, Order, OrderError, Orders, Recorder, ReplayError, SUFFIX};
 use std::collections::BTreeSet;
@@ -29,8 +30,8 @@ pub(crate) enum BattleError {
     Order(#[from] OrderError),
     #[error("step {step} cannot be played: {error}")]
     Action { step: usize, error: IllegalAction },
-    #[error("actions must be {n_actors} per step, got {given} in all")]
-    ActionCount { n_actors: usize, given: usize },
+    #[error("actions must be {per_step} per step, got {given} in all")]
+    ActionCount { per_step: usize, given: usize },
     #[error("agent must be below {n_agents}, got {agent}")]
     NoSuchAgent { agent: usize, n_agents: usize },
     #[error("step must be at most {steps}, which is the next one, got {step}")]
@@ -47,6 +48,8 @@ pub(crate) enum BattleError {
 pub(crate) struct PlayedBattle {
     game: Game,
     player: Player,
+    /// The team that plays the enemies, if no script does.
+    enemies: Option<Rc<TeamOnScenario>>,
     taken: BTreeSet<usize>,
     orders: Orders,
     recorder: Recorder,
@@ -64,9 +67,15 @@ struct Seen {
 
 impl PlayedBattle {
     /// The battle that begins with the state of a recorder without a step.
-    pub fn new(game: Game, recorder: Recorder, player: Player) -> PlayedBattle {
+    pub fn new(
+        game: Game,
+        recorder: Recorder,
+        player: Player,
+        enemies: Option<Rc<TeamOnScenario>>,
+    ) -> PlayedBattle {
         PlayedBattle {
             player,
+            enemies,
             taken: BTreeSet::new(),
             orders: Orders::new(&game.scenario),
             states: vec![recorder.battle().save()],
@@ -84,6 +93,11 @@ impl PlayedBattle {
     /// Number of steps that were played.
     pub fn steps(&self) -> usize {
         self.states.len() - 1
+    }
+
+    /// Whether it can be played on: not a replay in which actions play the enemies too.
+    pub fn is_playable(&self) -> bool {
+        !self.game.setup.sides.are_both() || self.enemies.is_some()
     }
 
     /// Lets these agents carry out orders, and no others.
@@ -106,18 +120,21 @@ impl PlayedBattle {
         Ok(self.orders.current())
     }
 
-    /// Plays these joint actions. Those from the start on come with the moment there.
+    /// Plays these joint actions; a team that plays the enemies chooses its own. Those from the start on come with
+    /// the moment there.
     pub fn play_actions(&mut self, actions: &[u16]) -> Result<PlayedSteps, BattleError> {
-        let (n_actors, given) = (self.game.arena.sizes().n_actors(), actions.len());
-        if !given.is_multiple_of(n_actors) {
-            return Err(BattleError::ActionCount { n_actors, given });
+        let sizes = self.game.arena.sizes();
+        let per_step = if self.enemies.is_some() { sizes.n_agents } else { sizes.n_actors() };
+        let given = actions.len();
+        if !given.is_multiple_of(per_step) {
+            return Err(BattleError::ActionCount { per_step, given });
         }
         let (first, mut seen) = (self.steps(), Seen::default());
         if first == 0 {
             seen.moments.push(self.observer.moment().clone());
         }
-        for joint in actions.chunks_exact(n_actors) {
-            self.step(joint, &mut seen)?;
+        for actions in actions.chunks_exact(per_step) {
+            self.step(actions.to_vec(), &mut seen)?;
         }
         Ok(self.encode(first, seen))
     }
@@ -126,15 +143,15 @@ impl PlayedBattle {
     pub fn play(&mut self, steps: usize) -> Result<PlayedSteps, BattleError> {
         let (first, mut seen) = (self.steps(), Seen::default());
         while self.steps() < first + steps && !self.recorder.battle().is_over() {
-            let joint = self.choose()?;
-            self.step(&joint, &mut seen)?;
+            let actions = self.choose()?;
+            self.step(actions, &mut seen)?;
         }
         Ok(self.encode(first, seen))
     }
 
-    /// The joint action of the next step.
+    /// The actions of the agents in the next step.
     fn choose(&mut self) -> Result<Vec<u16>, BattleError> {
-        if !self.game.is_playable() {
+        if !self.is_playable() {
             return Err(BattleError::NotPlayable);
         }
         let battle = self.recorder.battle();
@@ -144,7 +161,10 @@ impl PlayedBattle {
                 script.act(battle, &mut chosen);
                 chosen
             }
-            Player::Team(team) => team.act(battle, self.recorder.actions(), self.game.seed),
+            Player::Team(team) => {
+                let team = Rc::clone(team);
+                self.act(&team, Faction::Ally)
+            }
         };
         let ordered = self.orders.actions(&self.game.scenario, battle);
         let own = |(agent, (ordered, chosen))| {
@@ -154,11 +174,27 @@ impl PlayedBattle {
         Ok(ordered.into_iter().zip(chosen).enumerate().map(own).collect())
     }
 
-    fn step(&mut self, joint: &[u16], seen: &mut Seen) -> Result<(), BattleError> {
+    /// What a team chooses for a side.
+    fn act(&self, team: &TeamOnScenario, side: Faction) -> Vec<i32> {
+        let sizes = self.game.arena.sizes();
+        let own = match side {
+            Faction::Ally => 0..sizes.n_agents,
+            Faction::Enemy => sizes.n_agents..sizes.n_actors(),
+        };
+        let past = self.recorder.actions().chunks_exact(sizes.n_actors()).rev();
+        team.act(self.recorder.battle(), side, past.map(|joint| &joint[own.clone()]), self.game.seed)
+    }
+
+    /// Plays a joint action, which is that of the agents if a team plays the enemies.
+    fn step(&mut self, mut joint: Vec<u16>, seen: &mut Seen) -> Result<(), BattleError> {
         let step = self.steps();
+        if let Some(team) = &self.enemies {
+            // As above, no action is larger than 16 bits.
+            joint.extend(self.act(team, Faction::Enemy).into_iter().map(|action| action as u16));
+        }
         let actions: Vec<i32> = joint.iter().map(|&action| action.into()).collect();
         self.recorder.battle().check(&actions).map_err(|error| BattleError::Action { step, error })?;
-        encode_step(self.recorder.battle(), joint, &mut seen.decisions);
+        encode_step(self.recorder.battle(), &joint, &mut seen.decisions);
         let observer = &mut self.observer;
         let observe = |units: &_| seen.moments.push(observer.observe(units).clone());
         let played = self.recorder.step_observed(&actions, observe);

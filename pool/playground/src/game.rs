@@ -3,7 +3,9 @@
 use crate::protocol::Source;
 use crate::source::{SourceError, setup_of, source_of};
 use serde_json::{Value, json};
-use smaclite_engine::{Arena, BattleSetup, Opponent, Opponents, OpponentsError, Sides, SnapshotError};
+use smaclite_engine::{
+    Arena, BattleSetup, EnemySide, Opponent, Opponents, OpponentsError, Sides, SnapshotError, UnknownRules,
+};
 use smaclite_scenarios::{Placement, Problems, Scenario};
 use smaclite_units::Keyword;
 use smaclite_view::{Recorder, Replay, ReplayError};
@@ -18,6 +20,8 @@ pub(crate) enum GameError {
     Invalid(Problems),
     #[error(transparent)]
     Opponent(#[from] OpponentsError),
+    #[error(transparent)]
+    Rules(#[from] UnknownRules),
     #[error("seed must be a whole number from 0 to {max}, got `{0}`", max = u64::MAX)]
     Seed(String),
     #[error("episode must be below {n_episodes}, got {episode}")]
@@ -35,7 +39,7 @@ pub(crate) enum GameError {
 /// What a battle is played with.
 pub(crate) struct Game {
     pub setup: BattleSetup,
-    /// The same before an opponent was chosen: what the source of another battle says.
+    /// The same before opponent and rules were chosen: what the source of another battle says.
     own: BattleSetup,
     pub scenario: Scenario,
     pub arena: Arc<Arena>,
@@ -44,23 +48,31 @@ pub(crate) struct Game {
 }
 
 impl Game {
-    /// A battle of a scenario or of the opened replay, at its start.
-    pub fn begin(source: &Source, replay: Option<&Replay>) -> Result<(Game, Recorder), GameError> {
-        match source {
-            Source::Scenario { scenario, seed, opponent } => Game::of_scenario(scenario, seed, opponent),
-            Source::Episode { episode } => Game::of_episode(*episode, replay),
+    /// A battle of a scenario or of the opened replay, at its start. In that of a scenario a team may play the
+    /// enemies.
+    pub fn begin(
+        source: &Source,
+        replay: Option<&Replay>,
+        team_plays_enemies: bool,
+    ) -> Result<(Game, Recorder), GameError> {
+        let (scenario, seed, opponent, rules) = match source {
+            Source::Episode { episode } => return Game::of_episode(*episode, replay),
+            Source::Scenario { scenario, seed, opponent, rules } => (scenario, seed, opponent, rules),
+        };
+        let own = setup_of(scenario)?;
+        let rules = if rules.is_empty() { own.rules } else { rules.parse()? };
+        let seed = seed.parse().map_err(|_| GameError::Seed(seed.clone()))?;
+        let setup = BattleSetup { rules, ..own.clone() };
+        if team_plays_enemies {
+            let mirrored = Sides::Both(EnemySide { mirror: true, zero_sum: false });
+            return Game::of_setup(setup.with_sides(mirrored), own, seed);
         }
-    }
-
-    fn of_scenario(source: &str, seed: &str, opponent: &str) -> Result<(Game, Recorder), GameError> {
-        let own = setup_of(source)?;
-        let opponents = match opponent {
-            "" => own.opponents.clone(),
+        let opponents = match &opponent[..] {
+            "" => setup.opponents.clone(),
             name => Opponents::from(Opponent::from_name(name)?),
         };
-        opponents.check(own.sides)?;
-        let seed = seed.parse().map_err(|_| GameError::Seed(seed.to_owned()))?;
-        Game::of_setup(BattleSetup { opponents, ..own.clone() }, own, seed)
+        opponents.check(setup.sides)?;
+        Game::of_setup(BattleSetup { opponents, ..setup }, own, seed)
     }
 
     fn of_episode(episode: usize, replay: Option<&Replay>) -> Result<(Game, Recorder), GameError> {
@@ -134,10 +146,5 @@ impl Game {
         let files = &self.setup.files;
         let warnings = if files.is_standard() { Vec::new() } else { files.warnings() };
         warnings.into_iter().map(|warning| warning.message).collect()
-    }
-
-    /// Whether joint actions play the agents alone, so that a team or a person can play on.
-    pub fn is_playable(&self) -> bool {
-        !self.setup.sides.are_both()
     }
 }

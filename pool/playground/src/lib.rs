@@ -10,7 +10,7 @@
 //!
 //! let mut session = Session::default();
 //! let request = r#"{"type": "begin_battle", "team": "nearest", "actions": [], "taken": [],
-//!     "of": {"kind": "scenario", "scenario": "3m", "seed": "1", "opponent": ""}}"#;
+//!     "of": {"kind": "scenario", "scenario": "3m", "seed": "1", "opponent": "", "rules": ""}}"#;
 //! assert!(session.respond_json(request.as_bytes()).starts_with(r#"{"response":{"type":"begin_battle""#));
 //! let request = r#"{"type": "play_steps", "steps": 1000}"#;
 //! assert!(session.respond_json(request.as_bytes()).contains(r#""result":"won""#));
@@ -19,6 +19,7 @@
 #![forbid(unsafe_op_in_unsafe_fn)]
 
 mod battle;
+mod document;
 #[cfg(target_family = "wasm")]
 mod exports;
 mod game;
@@ -30,5 +31,8 @@ mod source;
 mod team;
 mod units_network;
 
+pub use document::{EngineOf, Start, document};
+pub use protocol::TeamFiles;
 pub use session::Session;
+pub use source::source_of;
 pub use team::{Team, TeamError};

@@ -103,6 +103,7 @@ pub(crate) struct Choices {
     pub opponents: Vec<&'static str>,
     /// Scripts that play the agents.
     pub policies: Vec<&'static str>,
+    pub rules: Vec<String>,
     pub teams: Vec<TeamInfo>,
 }
 
@@ -131,7 +132,8 @@ pub(crate) struct TextFile {
 /// The files of a trained team.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[cfg_attr(test, derive(TS))]
-pub(crate) struct TeamFiles {
+pub struct TeamFiles {
+    /// What the page calls it.
     pub name: String,
     /// The text of `run.json`.
     pub run: String,
@@ -146,8 +148,8 @@ pub(crate) struct BeginBattle {
     pub of: Source,
     /// The script or trained team that plays the agents.
     pub team: String,
-    /// The joint actions of the steps that are played at once, agent by agent; if they are left out, all that
-    /// were recorded of the episode.
+    /// The joint actions of the steps that are played at once, agent by agent, without those of a team that
+    /// plays the enemies; if they are left out, all that were recorded of the episode.
     pub actions: Option<Vec<u16>>,
     /// The agents that carry out orders.
     pub taken: Vec<usize>,
@@ -165,8 +167,11 @@ pub(crate) enum Source {
         scenario: String,
         /// A whole number; as a text, because JavaScript has no 64-bit integers.
         seed: String,
-        /// The script that plays the enemies; that of the scenario if this is empty.
+        /// The script or trained team that plays the enemies; those of the scenario if this is empty. A team
+        /// sees the map turned by half a turn.
         opponent: String,
+        /// Those of the scenario if this is empty.
+        rules: String,
     },
     /// An episode of the replay that was opened last.
     Episode { episode: usize },

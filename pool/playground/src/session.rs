@@ -10,9 +10,9 @@ use crate::source::{SourceError, opened};
 use crate::team::{Team, TeamError};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use smaclite_engine::Opponent;
 use smaclite_engine::policy::{Scripted, UnknownPolicy};
-use smaclite_scenarios::Scenario;
+use smaclite_engine::{Opponent, Rules};
+use smaclite_scenarios::{Faction, Scenario};
 use smaclite_view::page::{features_info, scenario_info};
 use smaclite_view::{Episode, Replay, ReplayError};
 
@@ -89,6 +89,7 @@ impl Session {
             generated: Scenario::generated_names().collect(),
             opponents: Opponent::scripts().map(Opponent::name).collect(),
             policies: Scripted::NAMES.to_vec(),
+            rules: Rules::ALL.map(|rules| rules.to_string()).to_vec(),
             teams: self.team_infos(),
         }
     }
@@ -125,9 +126,16 @@ impl Session {
     }
 
     fn begin(&mut self, begin: &BeginBattle) -> Result<BegunBattle, SessionError> {
-        let (game, recorder) = Game::begin(&begin.of, self.replay.as_ref()).map_err(BattleError::from)?;
+        let enemies = match &begin.of {
+            Source::Scenario { opponent, .. } => self.team(opponent),
+            Source::Episode { .. } => None,
+        };
+        let (game, recorder) =
+            Game::begin(&begin.of, self.replay.as_ref(), enemies.is_some()).map_err(BattleError::from)?;
         let player = self.player(&begin.team, &game)?;
-        let mut battle = PlayedBattle::new(game, recorder, player);
+        let against = enemies.map_or_else(|| game.setup.opponents.to_string(), |team| team.name().to_owned());
+        let enemies = enemies.map(|team| team.on(&game, Faction::Enemy)).transpose()?;
+        let mut battle = PlayedBattle::new(game, recorder, player, enemies);
         let recorded = match (&begin.of, &self.replay) {
             (Source::Episode { episode }, Some(replay)) => replay.episodes().get(*episode),
             _ => None,
@@ -136,8 +144,7 @@ impl Session {
         let played = battle.play_actions(begin.actions.as_deref().unwrap_or(recorded_actions))?;
         battle.take(&begin.taken)?;
         let game = battle.game();
-        let opponent = recorded
-            .map_or_else(|| game.setup.opponents.to_string(), |episode| episode.opponent.name().to_owned());
+        let opponent = recorded.map_or(against, |episode| episode.opponent.name().to_owned());
         let begun = BegunBattle {
             scenario: scenario_info(&game.scenario, &game.arena),
             features: features_info(&game.scenario),
@@ -145,7 +152,7 @@ impl Session {
             rules: game.setup.rules.to_string(),
             opponent,
             seed: game.seed.to_string(),
-            is_playable: game.is_playable(),
+            is_playable: battle.is_playable(),
             warnings: game.warnings(),
             played,
         };
@@ -154,10 +161,14 @@ impl Session {
     }
 
     fn player(&self, name: &str, game: &Game) -> Result<Player, SessionError> {
-        if let Some(team) = self.teams.iter().find(|team| team.name() == name) {
-            return Ok(Player::Team(team.on(game)?));
+        match self.team(name) {
+            Some(team) => Ok(Player::Team(team.on(game, Faction::Ally)?)),
+            None => Ok(Player::Script(Box::new(Scripted::from_name(name, game.seed)?))),
         }
-        Ok(Player::Script(Box::new(Scripted::from_name(name, game.seed)?)))
+    }
+
+    fn team(&self, name: &str) -> Option<&Team> {
+        self.teams.iter().find(|team| team.name() == name)
     }
 }
 

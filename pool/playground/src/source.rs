@@ -64,8 +64,8 @@ pub(crate) struct RunConfig {
     pub last_actions: usize,
 }
 
-/// The shortest text of what is played in a scenario.
-pub(crate) fn source_of(setup: &BattleSetup, scenario: &Scenario) -> String {
+/// What a page calls the scenario of a setup: the shortest text of what is played in it.
+pub fn source_of(setup: &BattleSetup, scenario: &Scenario) -> String {
     let plain = BattleSetup::new(setup.files.clone());
     let limit = match setup.episode_limit {
         EpisodeLimit::Scenario => scenario.episode_limit,

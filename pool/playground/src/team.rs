@@ -3,14 +3,18 @@
 use crate::game::Game;
 use crate::layer::WeightsError;
 use crate::network::{Network, NetworkKind};
+use crate::protocol::TeamFiles;
 use crate::source::{RunConfig, RunFile, source_of};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use rand::{Rng, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use safetensors::{SafeTensorError, SafeTensors};
 use serde::de::Error;
 use smaclite_engine::{
     Arena, Battle, Scratch, Sides, Sizes, TargetLayout, UnitLayout, UniversalForm, UniversalRows, action,
 };
-use smaclite_scenarios::{Problems, Scenario};
+use smaclite_scenarios::{Faction, Problems, Scenario};
 use std::rc::Rc;
 
 /// A trained team.
@@ -48,11 +52,36 @@ pub enum TeamError {
     #[error("the weights of the team `{name}` cannot be used: {why}")]
     Weights { name: String, why: String },
     #[error(
-        "the team `{name}` was trained in {trained_in}: {expected}; the agents of this scenario are {given}"
+        "the team `{name}` was trained in {trained_in}: {expected}; the {side} of this scenario are {given}{hint}"
     )]
-    Unfit { name: String, trained_in: String, expected: String, given: String },
+    Unfit {
+        name: String,
+        trained_in: String,
+        expected: String,
+        side: &'static str,
+        given: String,
+        hint: &'static str,
+    },
     #[error("the team `{name}` cannot play this scenario: {why}")]
     Other { name: String, why: String },
+}
+
+impl TeamFiles {
+    /// What a page needs of a team: of the weights those of the actor.
+    ///
+    /// # Errors
+    /// As [`Team::read`].
+    pub fn new(name: String, run: String, weights: &[u8]) -> Result<TeamFiles, TeamError> {
+        Team::read(&name, &run, weights)?; // a page does not find out that a team is damaged
+        let weights =
+            actor(weights).map_err(|why| TeamError::Weights { name: name.clone(), why: why.to_string() })?;
+        Ok(TeamFiles { name, run, weights: STANDARD.encode(weights) })
+    }
+}
+
+fn actor(weights: &[u8]) -> Result<Vec<u8>, SafeTensorError> {
+    let tensors = SafeTensors::deserialize(weights)?.tensors().into_iter();
+    safetensors::serialize(tensors.filter(|(name, _)| name.starts_with("actor.")), None)
 }
 
 impl Team {
@@ -117,32 +146,43 @@ impl Team {
         self.player.logits(obs)
     }
 
-    /// What plays the agents of a game.
+    /// What plays a side of a game.
     ///
     /// # Errors
     /// If the team was trained for other units, or its networks cannot read these.
-    pub(crate) fn on(&self, game: &Game) -> Result<Rc<TeamOnScenario>, TeamError> {
-        let Some((config, weights)) = &self.universal else {
-            self.check(&game.arena)?;
-            return Ok(Rc::clone(&self.player));
+    pub(crate) fn on(&self, game: &Game, side: Faction) -> Result<Rc<TeamOnScenario>, TeamError> {
+        let player = match &self.universal {
+            None => Rc::clone(&self.player),
+            Some((config, weights)) => {
+                let scenario = game.setup.rules.figures(&game.scenario);
+                let player = TeamOnScenario::read(config, weights, &scenario, &game.arena);
+                let other =
+                    |why: WeightsError| TeamError::Other { name: self.name.clone(), why: why.to_string() };
+                Rc::new(player.map_err(other)?)
+            }
         };
-        let scenario = game.setup.rules.figures(&game.scenario);
-        let player = TeamOnScenario::read(config, weights, &scenario, &game.arena);
-        player.map(Rc::new).map_err(|why| TeamError::Other { name: self.name.clone(), why: why.to_string() })
+        self.check(&player, &game.arena, side)?;
+        Ok(player)
     }
 
-    fn check(&self, arena: &Arena) -> Result<(), TeamError> {
-        let TeamOnScenario { sizes, last_actions, .. } = *self.player;
-        let given = with_history(arena.sizes(), last_actions);
+    fn check(&self, player: &TeamOnScenario, arena: &Arena, side: Faction) -> Result<(), TeamError> {
+        let given = with_history(arena.sizes_of(side), player.last_actions);
         let shape = |sizes: Sizes| (sizes.n_agents, sizes.n_actions, sizes.obs_size);
-        if shape(sizes) == shape(given) {
+        if shape(player.sizes) == shape(given) {
             return Ok(());
         }
         let in_words = |Sizes { n_agents, n_actions, obs_size, .. }: Sizes| {
             format!("{n_agents} with {n_actions} actions and observations of {obs_size} numbers")
         };
         let (name, trained_in) = (self.name.clone(), self.scenario.clone());
-        Err(TeamError::Unfit { name, trained_in, expected: in_words(sizes), given: in_words(given) })
+        let (side, hint) = match side {
+            Faction::Ally => ("agents", ""),
+            Faction::Enemy => {
+                ("enemies", "; a team plays the enemies only of scenarios whose two sides are equal")
+            }
+        };
+        let (expected, given) = (in_words(player.sizes), in_words(given));
+        Err(TeamError::Unfit { name, trained_in, expected, side, given, hint })
     }
 }
 
@@ -178,30 +218,44 @@ impl TeamOnScenario {
         rows.flat_map(|(agent, row)| self.network.forward(agent, row)).collect()
     }
 
-    /// The actions of the agents, drawn by their probability. `actions` are those of all steps so far, agent
-    /// by agent. The same seed and battle give the same actions.
-    pub(crate) fn act(&self, battle: &Battle, actions: &[u16], seed: u64) -> Vec<i32> {
+    /// The actions of a side's units, drawn by their probability. `past` are the side's actions of the steps
+    /// before, the newest first. The same seed and battle give the same actions.
+    pub(crate) fn act<'a>(
+        &self,
+        battle: &Battle,
+        side: Faction,
+        past: impl Iterator<Item = &'a [u16]> + Clone,
+        seed: u64,
+    ) -> Vec<i32> {
         let Sizes { n_agents, n_actions, obs_size, .. } = self.sizes;
         let mut available = vec![0; n_agents * n_actions];
-        battle.write_avail_actions(&mut available);
+        battle.write_avail_actions_of(side, &mut available);
         let mut obs = vec![0.0; n_agents * obs_size];
-        battle.write_obs(&mut obs, &mut Scratch::new()); // leaves zeros behind its own features
-        self.append_past(&mut obs, &available, actions);
-        let mut generator = Pcg64Mcg::seed_from_u64(seed ^ (battle.episode_length() as u64) << 32);
+        battle.write_obs_of(side, &mut obs, &mut Scratch::new()); // leaves zeros behind its own features
+        self.append_past(&mut obs, &available, past);
+        let seed = seed ^ (battle.episode_length() as u64) << 32;
+        let mut generator = Pcg64Mcg::seed_from_u64(match side {
+            Faction::Ally => seed,
+            Faction::Enemy => !seed,
+        });
         let logits = self.logits(&obs);
         let rows = logits.chunks_exact(n_actions).zip(available.chunks_exact(n_actions));
         rows.map(|(logits, available)| draw(logits, available, &mut generator) as i32).collect()
     }
 
     /// Writes the last actions of every living agent behind the other features of its row, the newest first.
-    fn append_past(&self, obs: &mut [f32], available: &[u8], actions: &[u16]) {
-        let Sizes { n_agents, n_actions, obs_size, .. } = self.sizes;
+    fn append_past<'a>(
+        &self,
+        obs: &mut [f32],
+        available: &[u8],
+        past: impl Iterator<Item = &'a [u16]> + Clone,
+    ) {
+        let Sizes { n_actions, obs_size, .. } = self.sizes;
         let own = obs_size - self.last_actions * n_actions;
         let rows = obs.chunks_exact_mut(obs_size).zip(available.chunks_exact(n_actions));
         for (agent, (row, available)) in rows.enumerate() {
-            let past = actions.chunks_exact(n_agents).rev();
-            for (one_hot, joint) in row[own..].chunks_exact_mut(n_actions).zip(past) {
-                let is_dead = available[action::NO_OP] != 0;
+            let is_dead = available[action::NO_OP] != 0;
+            for (one_hot, joint) in row[own..].chunks_exact_mut(n_actions).zip(past.clone()) {
                 one_hot[usize::from(joint[agent])] = if is_dead { 0.0 } else { 1.0 };
             }
         }

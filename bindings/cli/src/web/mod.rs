@@ -8,7 +8,7 @@ mod guard;
 pub(crate) mod live;
 mod page;
 mod pages;
-pub(crate) mod play;
+pub(crate) mod playground;
 mod protocol;
 mod simulation;
 

@@ -1,4 +1,4 @@
-//! Playing an episode by its actions, to the tick: one that a pool logged, or that a person plays.
+//! Playing an episode that a pool logged by its actions, to the tick.
 
 use super::protocol::Steps;
 use base64::Engine;
@@ -38,10 +38,6 @@ impl Simulation {
         battle.restore(start)?;
         let observer = Observer::new(scenario, &battle);
         Ok(Simulation { battle, observer, scratch: Scratch::new(), step: 0, newest: None })
-    }
-
-    pub(super) fn battle(&self) -> &Battle {
-        &self.battle
     }
 
     pub(super) fn step(&self) -> usize {

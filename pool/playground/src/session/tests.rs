@@ -15,7 +15,7 @@ fn ask(session: &mut Session, request: Value) -> Value {
 }
 
 fn begin(scenario: &str, team: &str, actions: &[Value], taken: &[usize]) -> Value {
-    let of = json!({"kind": "scenario", "scenario": scenario, "seed": "7", "opponent": ""});
+    let of = json!({"kind": "scenario", "scenario": scenario, "seed": "7", "opponent": "", "rules": ""});
     json!({"type": "begin_battle", "of": of, "team": team, "actions": actions, "taken": taken})
 }
 
@@ -34,7 +34,8 @@ fn generated_battles_for_the_test_of_the_engine() {
     let opponents = Opponent::scripts().map(Opponent::name);
     let mut session = Session::default();
     let played = battles.zip(opponents).map(|((team, scenario), opponent)| {
-        let of = json!({"kind": "scenario", "scenario": scenario, "seed": "7", "opponent": opponent});
+        let of =
+            json!({"kind": "scenario", "scenario": scenario, "seed": "7", "opponent": opponent, "rules": ""});
         let begin = json!({"type": "begin_battle", "of": of, "team": team, "actions": [], "taken": []});
         assert_eq!(ask(&mut session, begin)["type"], "begin_battle");
         let steps = ask(&mut session, json!({"type": "play_steps", "steps": 1000}));
@@ -236,6 +237,70 @@ fn a_universal_team_plays_every_map() {
     text["smacv2"] = json!({"conic_fov": true});
     let refused = ask(&mut session, begin(&text.to_string(), "all-maps", &[], &[]));
     assert!(refused.as_str().is_some_and(|error| error.contains("cannot play this scenario")), "{refused}");
+}
+
+/// The rules are those that are asked for, else those of the scenario, which a text may have.
+#[test]
+fn battles_have_the_rules_that_are_chosen() {
+    let mut session = Session::default();
+    let setup =
+        BattleSetup { rules: Rules::Paper, ..BattleSetup::new(ScenarioFiles::resolve("3m").unwrap().1) };
+    let text = serde_json::to_string(&setup).unwrap();
+    for (scenario, asked, rules) in [
+        ("3m", "", "smaclite"),
+        ("3m", "starcraft", "starcraft-1"),
+        (&text, "", "paper"),
+        (&text, "smaclite", "smaclite"),
+    ] {
+        let mut begin = begin(scenario, "nearest", &[], &[]);
+        begin["of"]["rules"] = json!(asked);
+        let begun = ask(&mut session, begin);
+        assert_eq!((&begun["rules"], &begun["source"]), (&json!(rules), &json!(scenario)));
+    }
+    let mut unknown = begin("3m", "nearest", &[], &[]);
+    unknown["of"]["rules"] = json!("go");
+    assert_eq!(ask(&mut session, unknown), "rules must be 'smaclite', 'paper' or 'starcraft', got 'go'");
+}
+
+/// `play --against` had this, and the playground had not.
+#[test]
+fn a_trained_team_plays_the_enemies() {
+    let mut session = Session::default();
+    for name in ["all-maps", "3m"] {
+        let zoo = format!("{}/../../bindings/learn/zoo/{name}", env!("CARGO_MANIFEST_DIR"));
+        let run = std::fs::read_to_string(format!("{zoo}/run.json")).unwrap();
+        let weights = STANDARD.encode(std::fs::read(format!("{zoo}/best.safetensors")).unwrap());
+        ask(&mut session, json!({"type": "add_team", "name": name, "run": run, "weights": weights}));
+    }
+    let against = |opponent: &str, scenario: &str, actions: &[Value]| {
+        let mut begin = begin(scenario, "random", actions, &[]);
+        begin["of"]["opponent"] = json!(opponent);
+        begin
+    };
+    for (opponent, scenario) in [("all-maps", "3m"), ("all-maps", "MMM"), ("3m", "3m")] {
+        let begun = ask(&mut session, against(opponent, scenario, &[]));
+        assert_eq!((&begun["opponent"], &begun["is_playable"]), (&json!(opponent), &json!(true)), "{begun}");
+        let played = ask(&mut session, json!({"type": "play_steps", "steps": 1000}));
+        assert_eq!(played["result"], "lost", "{opponent} beats random actions");
+        let joint = actions(&mut session); // the replay was verified, too
+        let n_agents = begun["scenario"]["n_agents"].as_u64().unwrap() as usize;
+        assert_eq!(joint.len(), 2 * n_agents * played["steps"].as_u64().unwrap() as usize);
+
+        // The page knows the actions of its agents alone; the team chooses the same ones again.
+        let own: Vec<Value> =
+            joint.chunks(2 * n_agents).flat_map(|joint| joint[..n_agents].to_vec()).collect();
+        let again = ask(&mut session, against(opponent, scenario, &own));
+        for key in ["steps", "return", "result"] {
+            assert_eq!(again["played"][key], played[key], "{opponent} on {scenario}: {key}");
+        }
+    }
+    for (opponent, scenario, expected) in [
+        ("3m", "8m", "the enemies of this scenario are 8 with"),
+        ("all-maps", "5m_vs_6m", "the enemies of this scenario are 6 with"),
+    ] {
+        let refused = ask(&mut session, against(opponent, scenario, &[]));
+        assert!(refused.as_str().is_some_and(|error| error.contains(expected)), "{refused}");
+    }
 }
 
 /// A map of 32 x 32 squares whose square (x, y) is blocked if `is_blocked(x, y)`, as a request has it.

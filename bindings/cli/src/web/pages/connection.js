@@ -11,7 +11,7 @@
  * The version of the messages that this page was written for.
  * @type {Version}
  */
-const VERSION = 5;
+const VERSION = 6;
 
 /** Milliseconds until a lost connection is tried again. */
 const RETRY_AFTER = 1000;

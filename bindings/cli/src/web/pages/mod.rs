@@ -1,8 +1,8 @@
 //! The documents of the pages: what is in this folder, together with the battle player of `smaclite_view`.
 //! How their scripts talk with this program is in `protocol`.
 
-use super::protocol::GameInfo;
-use serde_json::{Value, json};
+use serde_json::Value;
+use smaclite_playground::{EngineOf, Start, TeamFiles};
 use smaclite_view::page::{Document, Module};
 
 /// The content security policy of these pages: as that of a replay, but they may connect to the server that
@@ -39,7 +39,6 @@ const MODULES: &[Module] = modules![
     "editor/text.js",
     "editor/tools.js",
     "editor/types.js",
-    "play/play.js",
     "watch/follow.js",
     "watch/grid.js",
     "watch/plots.js",
@@ -60,18 +59,12 @@ pub(super) fn watch(title: &str, data: &Value) -> String {
     document.html()
 }
 
-/// The page of a person who plays.
-pub(super) fn play(info: &GameInfo) -> String {
-    let document = Document {
-        title: "Play",
-        policy: POLICY,
-        style: include_str!("play/play.css"),
-        body: include_str!("play/play.html"),
-        modules: MODULES,
-        entry: "play/play.js",
-        data: &json!(info),
-    };
-    document.html()
+/// What the playground needs to have its engine in this program.
+const PROGRAM_ENGINE: &[Module] = modules!["connection.js", "program_engine.js"];
+
+/// The playground.
+pub(super) fn playground(teams: &[TeamFiles], start: &Start) -> String {
+    smaclite_playground::document(EngineOf::Program(PROGRAM_ENGINE), POLICY, teams, start)
 }
 
 /// The scenario editor. Its battles are played by pages of replays, each in a frame.

@@ -1,7 +1,8 @@
 // Written by a test of protocol/mod.rs, from the types there: `just generate`
-import type { AgentOrder, EpisodeResult, Features, Order, ScenarioInfo, TypeInfo } from "#view/data.d.ts";
+import type { Outcome as SessionOutcome, Request as SessionRequest } from "#playground/protocol.d.ts";
+import type { EpisodeResult, Features, ScenarioInfo, TypeInfo } from "#view/data.d.ts";
 
-export type Version = 5;
+export type Version = 6;
 type UnitFile = { name: string; keys: string[]; text: string };
 export type ScenarioFiles = { source: string; text: string; unit_files: UnitFile[] };
 export type Problem = {
@@ -48,8 +49,8 @@ visible: boolean, } | { "type": "follow", env: number, } | { "type": "unfollow",
 /**
  * Of the teams and start positions that are drawn.
  */
-seed: string, } | { "type": "play_battle" } & PlayBattle | { "type": "save_files" } & SaveFiles | { "type": "begin_battle" } & BeginBattle | { "type": "give_orders", orders: Array<AgentOrder>, } | { "type": "play_step", } | { "type": "get_replay", };
-export type PageResponse = { "type": "hello", } | { "type": "select_lane", } | { "type": "set_view", } | { "type": "follow", } | { "type": "unfollow", } | { "type": "get_steps" } & Steps | { "type": "get_observation", obs: Array<number>, } | { "type": "get_snapshot" } & SnapshotFile | { "type": "get_builtins" } & Builtins | { "type": "open_files" } & OpenedFiles | { "type": "check_files" } & CheckedFiles | { "type": "play_battle" } & PlayedBattle | { "type": "save_files" } & SavedFiles | { "type": "begin_battle" } & PlayedSteps | { "type": "give_orders", orders: Array<Order>, } | { "type": "play_step" } & PlayedSteps | { "type": "get_replay" } & ReplayFile;
+seed: string, } | { "type": "play_battle" } & PlayBattle | { "type": "save_files" } & SaveFiles | { "type": "session", request: SessionRequest, };
+export type PageResponse = { "type": "hello", } | { "type": "select_lane", } | { "type": "set_view", } | { "type": "follow", } | { "type": "unfollow", } | { "type": "get_steps" } & Steps | { "type": "get_observation", obs: Array<number>, } | { "type": "get_snapshot" } & SnapshotFile | { "type": "get_builtins" } & Builtins | { "type": "open_files" } & OpenedFiles | { "type": "check_files" } & CheckedFiles | { "type": "play_battle" } & PlayedBattle | { "type": "save_files" } & SavedFiles | { "type": "session", outcome: SessionOutcome, };
 export type PageEvent = { "type": "lane" } & LaneInfo | { "type": "lost", error: string, } | { "type": "grid", cells: Array<GridCell>, } | { "type": "status" } & PoolState | { "type": "episodes", episodes: Array<EpisodeInfo>, };
 export type Group = { x: number, y: number, faction: string, 
 /**
@@ -66,15 +67,6 @@ export type SaveFiles = { files: ScenarioFiles,
  * Whether files are written that were changed by another program since they were read.
  */
 replace: boolean, };
-export type BeginBattle = { 
-/**
- * A whole number; as a text, because JavaScript has no 64-bit integers.
- */
-seed: string, 
-/**
- * The actions of those steps, agent by agent.
- */
-actions: Array<number>, };
 export type Steps = { number: number, 
 /**
  * The first of them, and how many there are.
@@ -226,46 +218,3 @@ result: EpisodeResult | null,
  * Seconds since its first and its newest step.
  */
 began_s: number, newest_s: number, };
-export type GameInfo = { scenario: ScenarioInfo, rules: string, 
-/**
- * Who plays the enemies.
- */
-against: string, 
-/**
- * Of the first battle; a text, because JavaScript has no 64-bit integers.
- */
-seed: string, };
-export type PlayedSteps = { 
-/**
- * The orders that hold after them, by agent.
- */
-orders: Array<Order>, number: number, 
-/**
- * The first of them, and how many there are.
- */
-step: number, steps: number, n_moments: number, 
-/**
- * In base64.
- */
-moments: string, 
-/**
- * In base64.
- */
-decisions: string, 
-/**
- * Return and length of the episode after them.
- */
-return: number, length: number, 
-/**
- * How the last of them ended the episode, if it did.
- */
-result: EpisodeResult | null, 
-/**
- * Whether the episode has no more steps.
- */
-is_over: boolean, };
-export type ReplayFile = { name: string, 
-/**
- * In base64.
- */
-replay: string, };

@@ -7,21 +7,20 @@
 
 mod editor;
 mod live;
-mod play;
 
 pub(crate) use editor::*;
 pub(crate) use live::*;
-pub(crate) use play::*;
 
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
+use serde_json::value::RawValue;
 use smaclite_scenarios::ScenarioFiles;
-use smaclite_view::{AgentOrder, Order};
 #[cfg(test)]
 use ts_rs::TS;
 
 /// The version of these messages. It changes with them, because a page can stay open while the program is
 /// replaced; such a page is told to be reloaded.
-pub(super) const VERSION: u32 = 5;
+pub(super) const VERSION: u32 = 6;
 
 #[derive(Debug, Deserialize)]
 #[cfg_attr(test, derive(TS))]
@@ -114,17 +113,11 @@ pub(crate) enum PageRequest {
     PlayBattle(PlayBattle),
     /// Writes the files that the command names.
     SaveFiles(SaveFiles),
-    /// Begins a battle that the person plays.
-    BeginBattle(BeginBattle),
-    /// Gives agents orders, all of them or none.
-    GiveOrders {
-        #[cfg_attr(test, ts(type = "Array<AgentOrder>"))]
-        orders: Vec<AgentOrder>,
+    /// A request of the playground to its session.
+    Session {
+        #[cfg_attr(test, ts(type = "SessionRequest"))]
+        request: Value,
     },
-    /// Plays one step by the orders.
-    PlayStep {},
-    /// The battle so far as a replay.
-    GetReplay {},
 }
 
 /// The response to the request of the same name.
@@ -147,14 +140,10 @@ pub(crate) enum PageResponse {
     CheckFiles(CheckedFiles),
     PlayBattle(PlayedBattle),
     SaveFiles(SavedFiles),
-    BeginBattle(PlayedSteps),
-    /// The orders that hold now, by agent.
-    GiveOrders {
-        #[cfg_attr(test, ts(type = "Array<Order>"))]
-        orders: Vec<Order>,
+    Session {
+        #[cfg_attr(test, ts(type = "SessionOutcome"))]
+        outcome: Box<RawValue>,
     },
-    PlayStep(PlayedSteps),
-    GetReplay(ReplayFile),
 }
 
 /// What is new in the pool that a page watches.

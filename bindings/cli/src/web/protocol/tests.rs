@@ -51,7 +51,6 @@ fn description() -> String {
         Group,
         PlayBattle,
         SaveFiles,
-        BeginBattle,
         Steps,
         SnapshotFile,
         Builtins,
@@ -74,14 +73,12 @@ fn description() -> String {
         LaneState,
         Point,
         EpisodeInfo,
-        GameInfo,
-        PlayedSteps,
-        ReplayFile,
     ];
     format!(
         "// Written by a test of protocol/mod.rs, from the types there: `just generate`\n\
-         import type {{ AgentOrder, EpisodeResult, Features, Order, ScenarioInfo, TypeInfo }} \
-         from \"#view/data.d.ts\";\n\n\
+         import type {{ Outcome as SessionOutcome, Request as SessionRequest }} \
+         from \"#playground/protocol.d.ts\";\n\
+         import type {{ EpisodeResult, Features, ScenarioInfo, TypeInfo }} from \"#view/data.d.ts\";\n\n\
          export type Version = {VERSION};\n{FOREIGN}{declarations}"
     )
 }
