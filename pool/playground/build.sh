@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Builds the page of the playground, target/playground/battle.html: the engine for WebAssembly, and the document
-# around it. `just playground` runs this; `build.sh --check` only says whether it can.
+# Builds the pages of the playground and of the editor, battle.html and editor.html in target/playground: the engine
+# for WebAssembly, and the documents around it. `just playground` runs this; `build.sh --check` only says whether it can.
 #
 # With the sources of the standard library that is built too, for size (a tenth less). Otherwise the target must be
 # installed. Debian's compiler is used if the usual one has neither. wasm-opt (Debian: binaryen) makes the engine
@@ -46,4 +46,4 @@ else
 fi
 # With the team of the zoo that plays every map. Named without its package, the program shares the builds of all others.
 "$cargo" run --release --quiet --bin smaclite-playground -- \
-    $engine target/playground/battle.html bindings/learn/zoo/all-maps
+    $engine target/playground bindings/learn/zoo/all-maps

@@ -463,3 +463,31 @@ def test_files_are_opened(browser: Any, tmp_path: Path) -> None:
         page.page.set_input_files("#files", [zoo / "run.json", zoo / "best.safetensors"])
         page.wait(lambda: page.text("#name") == "3m" and not page.shown("#message"))
         page.wait_until_played()
+
+
+def test_the_scenario_of_a_battle_is_edited(browser: Any) -> None:
+    with Playground(browser, "scenario=MMM") as page:
+        with page.context.expect_page() as opened:
+            page.page.click("#edit")
+        editor = opened.value
+        editor.wait_for_selector("#state:text-is('Valid')")
+        assert editor.inner_text("h1") == "MMM" and "10 agents" in editor.inner_text("#summary")
+        editor.close()
+        page.requests = [url for url in page.requests if "editor.html" not in url]
+
+
+def test_another_team_and_other_rules_play(browser: Any) -> None:
+    with Playground(browser, "scenario=3m") as page:
+        page.page.select_option("#opponent", "all-maps")
+        page.page.select_option("#team", "hold")
+        page.page.select_option("#rules", "starcraft-1")
+        page.wait_until_played()
+        assert page.text("#result") == "Lost", "a trained team beats a script that does not fight together"
+        assert "All-maps" in page.text("#facts") and "starcraft-1" in page.text("#facts")
+        last = page.last
+        page.page.click("#share")
+        page.wait(lambda: "rules=starcraft-1" in page.page.url and "opponent=all-maps" in page.page.url)
+        link = page.page.url.split("#")[1]
+    with Playground(browser, link) as page:
+        page.wait_for_step(last)
+        assert page.last == last

@@ -116,14 +116,6 @@ impl New {
     }
 }
 
-/// The scenario that `new scenario` writes without options.
-pub(crate) fn default_scenario(name: &str) -> String {
-    let marines = vec![UnitCount { count: 3, unit_type: "MARINE".into() }];
-    let (map, agents, enemies) = ("SIMPLE".into(), marines.clone(), marines);
-    let new = NewScenario { file: name.into(), map, agents, enemies, generated: false };
-    new.with_shields(name, [false; 2])
-}
-
 /// Writes a file that does not exist, whole or not at all.
 fn write(file: &Path, text: &str) -> CommandResult {
     let refused = |error: std::io::Error| match error.kind() {

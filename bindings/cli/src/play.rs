@@ -3,14 +3,16 @@
 use crate::check::warn_of;
 use crate::number::seed;
 use crate::opponent::OpponentOption;
+use crate::web::editor::{Editor, Start};
 use crate::web::playground::Playground;
-use crate::web::{ServeOptions, serve};
+use crate::web::{EDITOR_PATH, ServeOptions, serve};
+use crate::zoo::team_files;
 use crate::{CommandResult, completions};
 use clap::Args;
 use serde_json::json;
 use smaclite_engine::{BattleSetup, Rules};
-use smaclite_learn::{read_team_files, resolve_scenario};
-use smaclite_playground::{Start, TeamFiles, source_of};
+use smaclite_learn::resolve_scenario;
+use smaclite_playground::source_of;
 use std::path::Path;
 
 #[derive(Args)]
@@ -74,15 +76,8 @@ impl Play {
             "rules": if setup.rules == of_map.rules { String::new() } else { setup.rules.to_string() },
             "taken": (0..arena.sizes().n_agents).collect::<Vec<_>>(),
         });
-        let start = Start { first, has_fog: true, can_share: false };
-        let page = Playground { teams, start };
-        page.check()?;
-        serve(&self.serve, vec![("/", Box::new(page))])
+        let page = Playground::of_battle(teams, first)?;
+        let editor = Editor::new(Start::New);
+        serve(&self.serve, vec![("/", Box::new(page)), (EDITOR_PATH, Box::new(editor))])
     }
-}
-
-/// The files of a team, for a page that calls it by this name.
-fn team_files(folder: &Path, name: &str) -> Result<TeamFiles, Box<dyn std::error::Error>> {
-    let (run, weights) = read_team_files(folder)?;
-    Ok(TeamFiles::new(name.to_owned(), String::from_utf8(run)?, &weights)?)
 }

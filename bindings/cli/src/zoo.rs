@@ -3,7 +3,8 @@
 use super::CommandResult;
 use super::table::Table;
 use clap::Args;
-use smaclite_learn::{export_zoo_team, zoo_cards};
+use smaclite_learn::{export_zoo_team, read_team_files, zoo_cards};
+use smaclite_playground::TeamFiles;
 use std::path::Path;
 
 #[derive(Args)]
@@ -60,4 +61,10 @@ impl Zoo {
         }
         Ok(())
     }
+}
+
+/// The files of a team, for a page that calls it by this name.
+pub(crate) fn team_files(folder: &Path, name: &str) -> Result<TeamFiles, Box<dyn std::error::Error>> {
+    let (run, weights) = read_team_files(folder)?;
+    Ok(TeamFiles::new(name.to_owned(), String::from_utf8(run)?, &weights)?)
 }

@@ -19,6 +19,9 @@
  * @property {() => number} response
  */
 
+/** There is no connection to the engine, or it ended before the response; the page says so already. */
+export class EngineLost extends Error {}
+
 export class WasmEngine {
   /** @param {BufferSource} code */
   static async load(code) {

@@ -11,8 +11,22 @@ import { isText } from "./scenario.js";
  *   actions: number[], taken: number[] }} SharedBattle
  */
 
-/** What a link can have; `theme` is read by #view/theme.js. */
-const KEYS = ["check", "scenario", "file", "seed", "opponent", "rules", "team", "actions", "taken", "theme"];
+/** What a link can have; `theme` is read by #view/theme.js, `play` by main.js. */
+const KEYS = [
+  "check",
+  "scenario",
+  "file",
+  "seed",
+  "opponent",
+  "rules",
+  "team",
+  "actions",
+  "taken",
+  "play",
+  "theme",
+];
+/** Keys that say nothing of the battle. `play` starts it at once. */
+const NO_BATTLE = ["check", "play", "theme"];
 const INCOMPLETE = "the link is incomplete or was changed; copy all of it";
 
 /**
@@ -52,11 +66,11 @@ async function unpacked(text) {
 }
 
 /**
- * A checksum of what a link says: FNV-1a, 32 bits.
+ * A checksum of what a link says of a battle: FNV-1a, 32 bits.
  * @param {URLSearchParams} link
  */
 function checkOf(link) {
-  const said = new URLSearchParams([...link].filter(([key]) => key !== "check" && key !== "theme"));
+  const said = new URLSearchParams([...link].filter(([key]) => !NO_BATTLE.includes(key)));
   let sum = 0x811c9dc5;
   for (const byte of new TextEncoder().encode(said.toString())) sum = Math.imul(sum ^ byte, 0x01000193);
   return (sum >>> 0).toString(16).padStart(8, "0");
@@ -82,6 +96,15 @@ export async function linkOf({ scenario, seed, opponent, rules, team, actions, t
 }
 
 /**
+ * The scenario of a link, if it has one: a name or a text.
+ * @param {URLSearchParams} link
+ */
+export async function scenarioOf(link) {
+  const file = link.get("file");
+  return file ? new TextDecoder().decode(await unpacked(file)) : link.get("scenario");
+}
+
+/**
  * The battle of a link; what it leaves out is that of `defaults`.
  * @param {string} text
  * @param {SharedBattle} defaults
@@ -93,12 +116,12 @@ export async function battleOf(text, defaults) {
   if (check !== null && check !== checkOf(link)) throw new Error(INCOMPLETE);
   const unknown = [...link.keys()].find((key) => !KEYS.includes(key));
   if (unknown !== undefined) throw new Error(`a link has no \`${unknown}\`; it has ${KEYS.join(", ")}`);
-  const [file, actions, taken] = ["file", "actions", "taken"].map((key) => link.get(key));
+  const [actions, taken] = ["actions", "taken"].map((key) => link.get(key));
   const bytes = actions ? await unpacked(actions) : new Uint8Array();
   if (bytes.length % 2) throw new Error(INCOMPLETE);
   if (taken && !/^\d+(\.\d+)*$/.test(taken))
     throw new Error(`\`taken\` must be numbers of agents with a dot between them, got \`${taken}\``);
-  const scenario = file ? new TextDecoder().decode(await unpacked(file)) : link.get("scenario");
+  const scenario = await scenarioOf(link);
   // Who plays in the scenario of the page says nothing of another one.
   const rest = scenario ? { ...defaults, opponent: "", rules: "", taken: [] } : defaults;
   return {

@@ -6,7 +6,7 @@ import { byId, isTouch } from "#view/dom.js";
 import { theme } from "#view/theme.js";
 import { DEFAULT_TEAM, teamFor } from "./choices.js";
 import { listenToFiles } from "./files.js";
-import { base64, battleOf } from "./link.js";
+import { base64, battleOf, linkOf } from "./link.js";
 import { Playground } from "./playground.js";
 
 /** @import { Engine } from "./engine.js" */
@@ -19,6 +19,7 @@ import { Playground } from "./playground.js";
  * @property {Partial<SharedBattle>} first What a battle is played with, where no link says it.
  * @property {boolean} has_fog Whether what no agent sees is hidden.
  * @property {boolean} can_share Whether a link to a battle opens in other browsers.
+ * @property {string} other The address of the editor.
  */
 
 /** The battle of a page without a link. */
@@ -58,7 +59,7 @@ async function battleOfLink({ teams, policies }, defaults, link) {
  * @param {Engine} engine
  * @param {PageData} data
  */
-export async function startPlayground(engine, { teams, first, has_fog: hasFog, can_share: canShare }) {
+export async function startPlayground(engine, { teams, first, other, has_fog: hasFog, can_share: canShare }) {
   theme.start();
   for (const team of teams) await engine.request({ type: "add_team", ...team });
   const choices = await engine.request({ type: "get_choices" }),
@@ -66,6 +67,7 @@ export async function startPlayground(engine, { teams, first, has_fog: hasFog, c
   const { page, note } = await firstPage(engine, choices, defaults);
   page.reveal(hasFog);
   byId("share").hidden = !canShare;
+  byId("edit").addEventListener("click", () => page.enqueue(() => edit(page, other)));
   page.note(note ?? GUIDES[isTouch() ? "touch" : "mouse"]);
   page.warn();
   listenToFiles({
@@ -87,6 +89,7 @@ export async function startPlayground(engine, { teams, first, has_fog: hasFog, c
       }),
     fail: (error) => page.fail(error),
   });
+  if (new URLSearchParams(location.hash.slice(1)).has("play")) page.toggle();
   addEventListener("hashchange", () =>
     page.enqueue(async () => {
       try {
@@ -100,6 +103,16 @@ export async function startPlayground(engine, { teams, first, has_fog: hasFog, c
     }),
   );
   return page;
+}
+
+/**
+ * Opens the scenario of the battle in the editor.
+ * @param {Playground} page
+ * @param {string} editor
+ */
+async function edit(page, editor) {
+  const link = await linkOf({ ...page.shared, actions: [], taken: [] });
+  open(`${editor}${location.search}#${link}`);
 }
 
 /**

@@ -8,6 +8,7 @@ import { ObservationCard } from "#view/observation.js";
 import { Track, bytesOf } from "#view/track.js";
 import { TICKS_PER_SECOND, TICKS_PER_STEP } from "#view/transport.js";
 import { ChoiceBar, DEFAULT_TEAM } from "./choices.js";
+import { EngineLost } from "./engine.js";
 import { EpisodeList } from "./episodes.js";
 import { Headline } from "./headline.js";
 import { Mover } from "./mover.js";
@@ -425,6 +426,7 @@ export class Playground extends Commander {
   /** @param {unknown} error */
   fail(error) {
     this.clock.playing = false;
+    if (error instanceof EngineLost) return;
     byId("message").hidden = false;
     byId("message").textContent = error instanceof Error ? error.message : String(error);
     this.redraw();

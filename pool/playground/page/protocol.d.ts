@@ -1,12 +1,33 @@
 // Written by a test of src/protocol.rs: `just generate`
-import type { AgentOrder, EpisodeResult, Features, Order, ScenarioInfo } from "#view/data.d.ts";
+import type { AgentOrder, EpisodeResult, Features, Order, ScenarioInfo, TypeInfo } from "#view/data.d.ts";
 
+type UnitFile = { name: string; keys: string[]; text: string };
+export type ScenarioFiles = { source: string; text: string; unit_files: UnitFile[] };
+export type Problem = {
+  file: string; line: number | null; column: number | null; path: string; message: string;
+};
+export type JsonSchema = {
+  type?: string;
+  minimum?: number;
+  exclusiveMinimum?: number;
+  maximum?: number;
+  enum?: string[];
+  items?: JsonSchema;
+  properties?: { [key in string]?: JsonSchema };
+  default?: unknown;
+  description?: string;
+  propertyNames?: JsonSchema;
+};
 export type Request = { "type": "get_choices", } | { "type": "add_team" } & TeamFiles | { "type": "open_scenario", files: Array<TextFile>, } | { "type": "open_replay", name: string, 
 /**
  * The file's text; the page decompresses it.
  */
-replay: string, } | { "type": "begin_battle" } & BeginBattle | { "type": "play_steps", steps: number, } | { "type": "give_orders", orders: Array<AgentOrder>, } | { "type": "take_agents", agents: Array<number>, } | { "type": "get_observation", step: number, agent: number, } | { "type": "get_replay", } | { "type": "move_unit", unit: number, x: number, y: number, } | { "type": "paint_map", rows: Array<string>, };
-export type Response = { "type": "get_choices" } & Choices | { "type": "add_team", teams: Array<TeamInfo>, } | { "type": "open_scenario", scenario: string, } | { "type": "open_replay" } & OpenedReplay | { "type": "begin_battle" } & BegunBattle | { "type": "play_steps" } & PlayedSteps | { "type": "give_orders", orders: Array<Order>, } | { "type": "take_agents", } | { "type": "get_observation", obs: Array<number>, } | { "type": "get_replay" } & ReplayFile | { "type": "move_unit", scenario: string, } | { "type": "paint_map", scenario: string, };
+replay: string, } | { "type": "begin_battle" } & BeginBattle | { "type": "play_steps", steps: number, } | { "type": "give_orders", orders: Array<AgentOrder>, } | { "type": "take_agents", agents: Array<number>, } | { "type": "get_observation", step: number, agent: number, } | { "type": "get_replay", } | { "type": "move_unit", unit: number, x: number, y: number, } | { "type": "paint_map", rows: Array<string>, } | { "type": "get_builtins", } | { "type": "check_files", files: ScenarioFiles, groups: Array<Group>, 
+/**
+ * Of the teams and start positions that are drawn.
+ */
+seed: string, };
+export type Response = { "type": "get_choices" } & Choices | { "type": "add_team", teams: Array<TeamInfo>, } | { "type": "open_scenario", scenario: string, } | { "type": "open_replay" } & OpenedReplay | { "type": "begin_battle" } & BegunBattle | { "type": "play_steps" } & PlayedSteps | { "type": "give_orders", orders: Array<Order>, } | { "type": "take_agents", } | { "type": "get_observation", obs: Array<number>, } | { "type": "get_replay" } & ReplayFile | { "type": "move_unit", scenario: string, } | { "type": "paint_map", scenario: string, } | { "type": "get_builtins" } & Builtins | { "type": "check_files" } & CheckedFiles;
 export type Outcome = { "response": Response } | { "error": string };
 export type Choices = { 
 /**
@@ -38,7 +59,11 @@ source: string,
  * Whether it plays every scenario.
  */
 is_universal: boolean, };
-export type TeamFiles = { name: string, 
+export type TeamFiles = { 
+/**
+ * What the page calls it.
+ */
+name: string, 
 /**
  * The text of `run.json`.
  */
@@ -146,3 +171,58 @@ replay: string,
  * As in [`EpisodeInfo`].
  */
 checksum: string, };
+export type Group = { x: number, y: number, faction: string, 
+/**
+ * Types and their counts.
+ */
+units: Array<[string, number]>, };
+export type Builtins = { 
+/**
+ * The text of a new scenario.
+ */
+new: string, scenarios: Array<NamedText>, presets: Array<Preset>, units: Array<StandardUnit>, rules: Array<string>, scenario_format: FileFormat, unit_format: FileFormat, 
+/**
+ * Keywords of `targeter`, with the parameters of each.
+ */
+targeters: Array<TargeterFormat>, };
+export type NamedText = { name: string, text: string, };
+export type Preset = { name: string, 
+/**
+ * As scenario files have them: the southernmost first.
+ */
+rows: Array<string>, };
+export type StandardUnit = { name: string, text: string, 
+/**
+ * Whether a unit file of this name has priority over it.
+ */
+is_replaceable: boolean, };
+export type FileFormat = { 
+/**
+ * In the order in which files have them.
+ */
+keys: Array<KeyFormat>, };
+export type KeyFormat = { name: string, is_required: boolean, 
+/**
+ * Of its value: type, range, keywords, default, description.
+ */
+schema: JsonSchema, };
+export type TargeterFormat = { name: string, parameters: Array<KeyFormat>, };
+export type CheckedFiles = { problems: Problem[], 
+/**
+ * What is probably a mistake in a valid scenario.
+ */
+warnings: Problem[], 
+/**
+ * Of a valid scenario.
+ */
+summary: Summary | null, types: TypeInfo[], 
+/**
+ * The units of each group: `[index in types, x, y]`; none if a type is unknown.
+ */
+groups: Array<Array<[number, number, number]> | null>, 
+/**
+ * The units that a seed draws in a valid generated scenario: `[index in types, faction, x, y]`, where
+ * the faction is 0 for allies and 1 for enemies.
+ */
+drawn: Array<[number, number, number, number]> | null, sight: number, };
+export type Summary = { n_agents: number, n_enemies: number, n_actions: number, obs_size: number, state_size: number, };

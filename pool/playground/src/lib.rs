@@ -20,6 +20,7 @@
 
 mod battle;
 mod document;
+mod editor;
 #[cfg(target_family = "wasm")]
 mod exports;
 mod game;
@@ -31,7 +32,8 @@ mod source;
 mod team;
 mod units_network;
 
-pub use document::{EngineOf, Start, document};
+pub use document::{EngineOf, Page};
+pub use editor::new_scenario;
 pub use protocol::TeamFiles;
 pub use session::Session;
 pub use source::source_of;

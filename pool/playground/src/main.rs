@@ -1,7 +1,7 @@
-//! Makes the page of the playground: one document, with the engine, the scripts and trained teams inside, so
-//! that it works from a folder and without a network.
+//! Makes the pages of the playground and of the editor, `battle.html` and `editor.html` in a folder: documents with
+//! the engine and the scripts inside, the playground also with trained teams, so that they work without a network.
 //!
-//!     smaclite-playground ENGINE.wasm PAGE.html [TEAM...]
+//!     smaclite-playground ENGINE.wasm FOLDER [TEAM...]
 //!
 //! A team is a folder that `smaclite-pool train` wrote; the page calls it by the folder's name.
 //! `just playground` runs this.
@@ -11,15 +11,18 @@ use base64::engine::general_purpose::STANDARD;
 use flate2::Compression;
 use flate2::write::DeflateEncoder;
 use serde_json::json;
-use smaclite_playground::{EngineOf, Start, TeamFiles, document};
+use smaclite_playground::{EngineOf, Page, TeamFiles};
 use std::error::Error;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// As that of a replay, but it may run the engine.
+/// As that of a replay, but they may run the engine, and the editor shows the playground.
 const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline' 'wasm-unsafe-eval'; \
-    style-src 'unsafe-inline'; img-src data:";
+    style-src 'unsafe-inline'; img-src data:; frame-src 'self' file:";
+
+const PLAYGROUND: &str = "battle.html";
+const EDITOR: &str = "editor.html";
 
 /// The weights of a run that play, the best ones first. In self-play it is the other way round, and such
 /// teams are opened on the page (`page/files.js`).
@@ -27,11 +30,11 @@ const WEIGHTS: [&str; 2] = ["best.safetensors", "weights.safetensors"];
 
 fn main() -> ExitCode {
     let arguments: Vec<PathBuf> = std::env::args_os().skip(1).map(PathBuf::from).collect();
-    let [engine, page, teams @ ..] = &arguments[..] else {
-        eprintln!("usage: smaclite-playground ENGINE.wasm PAGE.html [TEAM...]");
+    let [engine, folder, teams @ ..] = &arguments[..] else {
+        eprintln!("usage: smaclite-playground ENGINE.wasm FOLDER [TEAM...]");
         return ExitCode::from(2);
     };
-    match write_page(engine, page, teams) {
+    match write_pages(engine, folder, teams) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("smaclite-playground: {error}");
@@ -40,22 +43,20 @@ fn main() -> ExitCode {
     }
 }
 
-fn write_page(engine: &Path, page: &Path, folders: &[PathBuf]) -> Result<(), Box<dyn Error>> {
+fn write_pages(engine: &Path, folder: &Path, teams: &[PathBuf]) -> Result<(), Box<dyn Error>> {
     let code = read(engine)?;
-    let teams = folders.iter().map(|folder| team(folder)).collect::<Result<Vec<TeamFiles>, _>>()?;
+    let teams = teams.iter().map(|folder| team(folder)).collect::<Result<Vec<TeamFiles>, _>>()?;
     let compressed = deflated(&code)?;
-    let start = Start { first: json!({}), can_share: true, ..Start::default() };
-    let html = document(EngineOf::Page(&STANDARD.encode(&compressed)), POLICY, &teams, &start);
-    std::fs::write(page, &html).map_err(|error| format!("cannot write `{}`: {error}", page.display()))?;
-    let kilobytes = |bytes: usize| bytes / 1000;
-    println!(
-        "{}: {} KB; engine {} KB, compressed {} KB; {} teams",
-        page.display(),
-        kilobytes(html.len()),
-        kilobytes(code.len()),
-        kilobytes(compressed.len()),
-        teams.len()
-    );
+    println!("engine: {} KB, compressed {} KB", code.len() / 1000, compressed.len() / 1000);
+    let engine = STANDARD.encode(&compressed);
+    let playground = Page::Playground { teams, first: json!({}), has_fog: false, can_share: true };
+    for (name, page, other) in [(PLAYGROUND, playground, EDITOR), (EDITOR, Page::Editor, PLAYGROUND)] {
+        let html = page.html(EngineOf::Page(&engine), POLICY, other);
+        let path = folder.join(name);
+        std::fs::write(&path, &html)
+            .map_err(|error| format!("cannot write `{}`: {error}", path.display()))?;
+        println!("{}: {} KB", path.display(), html.len() / 1000);
+    }
     Ok(())
 }
 

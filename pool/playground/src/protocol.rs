@@ -1,7 +1,9 @@
 //! What a page asks and is told: JSON, declared here and nowhere else. `page/protocol.d.ts` describes it to
 //! the scripts; the test below writes it. It has no version, because a page contains both sides.
 
+use crate::editor::{Builtins, CheckedFiles, Group};
 use serde::{Deserialize, Serialize};
+use smaclite_scenarios::ScenarioFiles;
 use smaclite_view::page::{Features, ScenarioInfo};
 use smaclite_view::{AgentOrder, EpisodeResult, Order};
 #[cfg(test)]
@@ -43,6 +45,16 @@ pub(crate) enum Request {
     MoveUnit { unit: usize, x: f64, y: f64 },
     /// The scenario of the battle, but for its map: rows of `_` and `X`, the southernmost first.
     PaintMap { rows: Vec<String> },
+    /// What the editor needs to know of files and of what is built in.
+    GetBuiltins {},
+    /// The problems of files, and where their units start.
+    CheckFiles {
+        #[cfg_attr(test, ts(type = "ScenarioFiles"))]
+        files: ScenarioFiles,
+        groups: Vec<Group>,
+        /// Of the teams and start positions that are drawn.
+        seed: String,
+    },
 }
 
 /// The response to the request of the same name.
@@ -80,6 +92,8 @@ pub(crate) enum Response {
     PaintMap {
         scenario: String,
     },
+    GetBuiltins(Box<Builtins>),
+    CheckFiles(CheckedFiles),
 }
 
 /// What became of a request.
@@ -258,7 +272,52 @@ pub(crate) struct ReplayFile {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::editor::{FileFormat, KeyFormat, NamedText, Preset, StandardUnit, Summary, TargeterFormat};
+    use serde_json::{Value, json};
+    use smaclite_scenarios::UnitFile;
+    use smaclite_units::file::Problem;
     use ts_rs::Config;
+
+    /// Types of other crates. The test below compares their keys.
+    const FOREIGN: &str = "\
+type UnitFile = { name: string; keys: string[]; text: string };
+export type ScenarioFiles = { source: string; text: string; unit_files: UnitFile[] };
+export type Problem = {
+  file: string; line: number | null; column: number | null; path: string; message: string;
+};
+export type JsonSchema = {
+  type?: string;
+  minimum?: number;
+  exclusiveMinimum?: number;
+  maximum?: number;
+  enum?: string[];
+  items?: JsonSchema;
+  properties?: { [key in string]?: JsonSchema };
+  default?: unknown;
+  description?: string;
+  propertyNames?: JsonSchema;
+};
+";
+
+    fn keys(value: &Value) -> Vec<&str> {
+        value.as_object().unwrap().keys().map(String::as_str).collect()
+    }
+
+    #[test]
+    fn types_of_other_crates_are_as_the_scripts_know_them() {
+        let unit = UnitFile { name: String::new(), keys: Vec::new(), text: String::new() };
+        assert_eq!(keys(&json!(unit)), ["keys", "name", "text"]);
+        let files = ScenarioFiles { source: String::new(), text: String::new(), unit_files: vec![] };
+        assert_eq!(keys(&json!(files)), ["source", "text", "unit_files"]);
+        let problem = Problem {
+            file: String::new(),
+            line: None,
+            column: None,
+            path: String::new(),
+            message: String::new(),
+        };
+        assert_eq!(keys(&json!(problem)), ["column", "file", "line", "message", "path"]);
+    }
 
     #[test]
     fn generated_types_of_messages() {
@@ -282,12 +341,22 @@ mod tests {
             OpenedReplay,
             EpisodeInfo,
             ReplayFile,
+            Group,
+            Builtins,
+            NamedText,
+            Preset,
+            StandardUnit,
+            FileFormat,
+            KeyFormat,
+            TargeterFormat,
+            CheckedFiles,
+            Summary,
         ];
         let text = format!(
             "// Written by a test of src/protocol.rs: `just generate`\n\
-             import type {{ AgentOrder, EpisodeResult, Features, Order, ScenarioInfo }} \
+             import type {{ AgentOrder, EpisodeResult, Features, Order, ScenarioInfo, TypeInfo }} \
              from \"#view/data.d.ts\";\n\n\
-             {declarations}"
+             {FOREIGN}{declarations}"
         );
         if std::env::var_os("SMACLITE_WRITE").is_some() {
             std::fs::write(file, &text).unwrap();

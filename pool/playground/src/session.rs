@@ -1,6 +1,7 @@
 //! What answers a page: the teams and the replay that it has added, and its battle.
 
 use crate::battle::{BattleError, PlayedBattle, Player};
+use crate::editor;
 use crate::game::Game;
 use crate::protocol::{
     BeginBattle, BegunBattle, Choices, EpisodeInfo, OpenedReplay, Outcome, Request, Response, Source,
@@ -80,6 +81,10 @@ impl Session {
                 Response::MoveUnit { scenario: battle?.with_moved_unit(unit, x, y)? }
             }
             Request::PaintMap { rows } => Response::PaintMap { scenario: battle?.with_terrain(&rows) },
+            Request::GetBuiltins {} => Response::GetBuiltins(Box::new(editor::builtins())),
+            Request::CheckFiles { files, groups, seed } => {
+                Response::CheckFiles(editor::check(&files, &groups, &seed))
+            }
         })
     }
 

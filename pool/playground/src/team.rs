@@ -51,17 +51,8 @@ pub enum TeamError {
     Scenario { name: String, error: Problems },
     #[error("the weights of the team `{name}` cannot be used: {why}")]
     Weights { name: String, why: String },
-    #[error(
-        "the team `{name}` was trained in {trained_in}: {expected}; the {side} of this scenario are {given}{hint}"
-    )]
-    Unfit {
-        name: String,
-        trained_in: String,
-        expected: String,
-        side: &'static str,
-        given: String,
-        hint: &'static str,
-    },
+    #[error("the team `{name}` was trained in {trained_in}: {expected}; the {given}")]
+    Unfit { name: String, trained_in: String, expected: String, given: String },
     #[error("the team `{name}` cannot play this scenario: {why}")]
     Other { name: String, why: String },
 }
@@ -175,14 +166,15 @@ impl Team {
             format!("{n_agents} with {n_actions} actions and observations of {obs_size} numbers")
         };
         let (name, trained_in) = (self.name.clone(), self.scenario.clone());
-        let (side, hint) = match side {
-            Faction::Ally => ("agents", ""),
-            Faction::Enemy => {
-                ("enemies", "; a team plays the enemies only of scenarios whose two sides are equal")
-            }
+        let expected = in_words(player.sizes);
+        let given = match side {
+            Faction::Ally => format!("agents of this scenario are {}", in_words(given)),
+            Faction::Enemy => format!(
+                "enemies of this scenario are {}; a team plays the enemies only of scenarios whose two sides are equal",
+                in_words(given)
+            ),
         };
-        let (expected, given) = (in_words(player.sizes), in_words(given));
-        Err(TeamError::Unfit { name, trained_in, expected, side, given, hint })
+        Err(TeamError::Unfit { name, trained_in, expected, given })
     }
 }
 

@@ -53,3 +53,9 @@ export function make(tag, properties = {}, children = []) {
   element.append(...(Array.isArray(children) ? children : [children]));
   return element;
 }
+
+/**
+ * What a caught value says.
+ * @param {unknown} error
+ */
+export const messageOf = (error) => (error instanceof Error ? error.message : String(error));

@@ -72,7 +72,7 @@ pub(super) async fn check(guard: Arc<Guard>, request: Request, next: Next) -> Re
         (header::X_CONTENT_TYPE_OPTIONS, "nosniff"),
         (header::REFERRER_POLICY, "no-referrer"),
         // A notebook on this machine may show the page in a cell; the address needs the token all the same.
-        (header::CONTENT_SECURITY_POLICY, "frame-ancestors http://localhost:* http://127.0.0.1:*"),
+        (header::CONTENT_SECURITY_POLICY, "frame-ancestors 'self' http://localhost:* http://127.0.0.1:*"),
         (HeaderName::from_static("cross-origin-resource-policy"), "same-origin"),
         (HeaderName::from_static("cross-origin-opener-policy"), "same-origin"),
     ];

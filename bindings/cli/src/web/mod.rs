@@ -13,6 +13,7 @@ mod protocol;
 mod simulation;
 
 pub(crate) use page::{Closed, Page};
+pub(crate) use pages::{EDITOR_PATH, PLAYGROUND_PATH};
 
 use crate::CommandResult;
 use crate::number::whole;

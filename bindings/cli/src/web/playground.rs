@@ -2,16 +2,15 @@
 
 use super::protocol::{PageRequest, PageResponse};
 use super::{App, Page, pages};
+use crate::zoo::team_files;
 use serde::Deserialize;
 use serde_json::value::RawValue;
 use serde_json::{Value, json};
-use smaclite_playground::{Session, Start, TeamFiles};
+use smaclite_playground::{Page as Document, Session, TeamFiles};
+use std::path::Path;
 
-/// The playground with the teams and the battle of one command.
-pub(crate) struct Playground {
-    pub(crate) teams: Vec<TeamFiles>,
-    pub(crate) start: Start,
-}
+/// The playground of one command.
+pub(crate) struct Playground(Document);
 
 /// A request that was not carried out.
 #[derive(Deserialize)]
@@ -20,32 +19,41 @@ struct Refused {
 }
 
 impl Playground {
-    /// Says why its battle cannot begin, before a page is opened.
-    pub(crate) fn check(&self) -> Result<(), String> {
-        let Value::Object(mut of) = self.start.first.clone() else { return Ok(()) };
-        let taken = of.remove("taken");
-        of.insert("kind".to_owned(), json!("scenario"));
-        let begin =
-            json!({"type": "begin_battle", "of": of, "team": "nearest", "actions": [], "taken": taken});
+    /// The battle of `first`, in which a person has the agents of `taken`, and sees what they see.
+    ///
+    /// # Errors
+    /// If the battle cannot begin.
+    pub(crate) fn of_battle(teams: Vec<TeamFiles>, first: Value) -> Result<Playground, String> {
+        let mut of = first.clone();
+        of["kind"] = json!("scenario");
+        let begin = json!({
+            "type": "begin_battle", "of": of, "team": "nearest", "actions": [], "taken": first["taken"],
+        });
         let add = |team: &TeamFiles| {
             let mut add = json!(team);
             add["type"] = json!("add_team");
             add
         };
         let mut session = Session::default();
-        for request in self.teams.iter().map(add).chain([begin]) {
+        for request in teams.iter().map(add).chain([begin]) {
             let outcome = session.respond_json(request.to_string().as_bytes());
             if let Ok(Refused { error }) = serde_json::from_str(&outcome) {
                 return Err(error);
             }
         }
-        Ok(())
+        Ok(Playground(Document::Playground { teams, first, has_fog: true, can_share: false }))
+    }
+
+    /// That of the editor, in which a team plays the agents.
+    pub(crate) fn of_editor() -> Result<Playground, Box<dyn std::error::Error>> {
+        let teams = vec![team_files(Path::new("zoo:all-maps"), "all-maps")?];
+        Ok(Playground(Document::Playground { teams, first: json!({}), has_fog: false, can_share: false }))
     }
 }
 
 impl App for Playground {
     fn document(&self) -> String {
-        pages::playground(&self.teams, &self.start)
+        pages::playground(&self.0)
     }
 
     fn run(&self, page: Page) {

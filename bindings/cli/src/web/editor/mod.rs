@@ -1,17 +1,13 @@
-//! The scenario editor. The page edits the texts of a scenario file and its unit files; this side checks
-//! them, places the units, plays battles, and saves. It keeps no state of a page. The files of a scenario
-//! travel as [`ScenarioFiles`](smaclite_scenarios::ScenarioFiles).
-
-mod builtins;
-mod check;
-mod play;
+//! The scenario editor: a page of the playground's session, and the files that this program opens and saves for it.
 
 mod target;
 
 pub(crate) use target::Start;
 
+use super::playground::respond;
 use super::protocol::{PageRequest, PageResponse};
 use super::{App, Page, pages};
+use smaclite_playground::Session;
 
 /// The editor of one command.
 pub(crate) struct Editor {
@@ -23,14 +19,10 @@ impl Editor {
         Editor { start }
     }
 
-    fn respond(&self, request: PageRequest) -> Result<PageResponse, EditorError> {
+    fn respond(&self, session: &mut Session, request: PageRequest) -> Result<PageResponse, EditorError> {
         Ok(match request {
-            PageRequest::GetBuiltins {} => PageResponse::GetBuiltins(builtins::builtins()),
+            PageRequest::Session { request } => respond(session, &request).map_err(EditorError::Session)?,
             PageRequest::OpenFiles {} => PageResponse::OpenFiles(self.start.open()?),
-            PageRequest::CheckFiles { files, groups, seed } => {
-                PageResponse::CheckFiles(check::check(&files, &groups, &seed))
-            }
-            PageRequest::PlayBattle(battle) => PageResponse::PlayBattle(play::play(battle)?),
             PageRequest::SaveFiles(save) => PageResponse::SaveFiles(self.start.save(save)?),
             _ => return Err(EditorError::OtherPage),
         })
@@ -43,8 +35,9 @@ impl App for Editor {
     }
 
     fn run(&self, page: Page) {
+        let mut session = Session::default();
         while let Ok(Some(message)) = page.receive(None) {
-            if page.respond(message.id, self.respond(message.request)).is_err() {
+            if page.respond(message.id, self.respond(&mut session, message.request)).is_err() {
                 return;
             }
         }
@@ -56,8 +49,8 @@ impl App for Editor {
 enum EditorError {
     #[error("this request is one of another page")]
     OtherPage,
-    #[error(transparent)]
-    Play(#[from] play::PlayError),
+    #[error("{0}")]
+    Session(String),
     #[error(transparent)]
     Target(#[from] target::TargetError),
 }
@@ -72,7 +65,7 @@ mod tests {
     fn requests_that_cannot_be_carried_out_are_refused() {
         let editor = Editor::new(Start::New);
         let check = |request: PageRequest, expected: &str| {
-            let error = editor.respond(request).unwrap_err().to_string();
+            let error = editor.respond(&mut Session::default(), request).unwrap_err().to_string();
             assert!(error.contains(expected), "{error}");
         };
         check(PageRequest::Unfollow {}, "one of another page");

@@ -1,9 +1,9 @@
 //! What the editor begins with, and the files that it may write: the one that the command names and the unit
 //! files of that scenario, in the same folder.
 
-use crate::new::default_scenario;
 use crate::web::protocol::{OpenedFiles, SaveFiles, SavedFiles};
 use serde_json::Value;
+use smaclite_playground::new_scenario;
 use smaclite_scenarios::{Problems, Scenario, ScenarioFiles};
 use smaclite_units::file::{MAX_SCENARIO_BYTES, MAX_UNIT_BYTES, Report, read_text, shown_path, write_whole};
 use std::collections::BTreeMap;
@@ -94,7 +94,7 @@ impl Start {
 fn new_files(source: &str) -> ScenarioFiles {
     let name =
         Path::new(source).file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
-    ScenarioFiles { source: source.to_owned(), text: default_scenario(&name), unit_files: Vec::new() }
+    ScenarioFiles { source: source.to_owned(), text: new_scenario(&name), unit_files: Vec::new() }
 }
 
 /// A scenario file that is edited.

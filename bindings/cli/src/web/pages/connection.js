@@ -2,6 +2,8 @@
 // Connection: requests to the program that serves this page, and the events that it sends. Rust declares the
 // messages (`web/protocol`) and writes their types to protocol.d.ts.
 
+import { messageOf } from "#view/dom.js";
+
 /**
  * @import { EventMessage, PageEvent, PageRequest, PageResponse, ResponseMessage, Version }
  *   from "./protocol.d.ts"
@@ -15,6 +17,8 @@ const VERSION = 6;
 
 /** Milliseconds until a lost connection is tried again. */
 const RETRY_AFTER = 1000;
+
+const LOST = "The connection to smaclite-pool is lost. Trying again.";
 
 /** Bytes of the longest message that the program reads. */
 const LARGEST_MESSAGE = 2 ** 22;
@@ -52,7 +56,7 @@ export class Connection {
     this.socket.onopen = () => this.greet();
     this.socket.onmessage = (message) => this.receive(JSON.parse(message.data));
     this.socket.onclose = () => {
-      for (const { reject } of this.waiting.values()) reject(new ConnectionLost("the connection is lost"));
+      for (const { reject } of this.waiting.values()) reject(new ConnectionLost(LOST));
       this.waiting.clear();
       this.handlers.close();
       setTimeout(() => this.connect(), RETRY_AFTER);
@@ -91,7 +95,7 @@ export class Connection {
    */
   request(request) {
     return new Promise((resolve, reject) => {
-      if (!this.isOpen) return reject(new ConnectionLost("not connected"));
+      if (!this.isOpen) return reject(new ConnectionLost(LOST));
       const id = this.next++;
       const message = JSON.stringify({ id, request });
       const { length } = new TextEncoder().encode(message);
@@ -101,9 +105,3 @@ export class Connection {
     });
   }
 }
-
-/**
- * What a caught value says.
- * @param {unknown} error
- */
-export const messageOf = (error) => (error instanceof Error ? error.message : String(error));

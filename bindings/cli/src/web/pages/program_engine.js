@@ -1,43 +1,38 @@
 // @ts-check
-// ProgramEngine: battles, in the program that serves the playground; and the entry of that page.
+// ProgramEngine: battles, in the program that serves the page.
 
-import { startPlayground } from "#playground/main.js";
-import { byId } from "#view/dom.js";
-import { Connection, ConnectionLost, messageOf } from "./connection.js";
+import { EngineLost } from "#playground/engine.js";
+import { Connection, ConnectionLost } from "./connection.js";
 
 /** @import { Request, Response } from "#playground/protocol.d.ts" */
-/** @import { PageData } from "#playground/main.js" */
+/**
+ * What a page does when the connection is lost or the program has another version, and when a new session knows all
+ * that the old one was told.
+ * @typedef {{ say: (text: string) => void, resume: () => void }} Listener
+ */
 
-const LOST = "The connection to smaclite-pool is lost. Trying again.";
-
-class ProgramEngine {
-  constructor() {
-    /** @type {Map<string, Request>} What a session that is new must be told again: its teams, and the replay. */
+export class ProgramEngine {
+  /** @param {(text: string) => void} say */
+  constructor(say) {
+    /** @type {Listener} */
+    this.listener = { say, resume: () => {} };
+    /** @type {Map<string, Request>} What a new session must be told again: its teams, and the replay. */
     this.told = new Map();
-    /** What to do when a new session knows all this. */
-    this.resume = () => {};
-    /** @param {string} _text */
-    this.say = (_text) => {};
-    this.isLost = false;
+    /** @type {() => void} */
+    this.ready = () => {};
     /** @type {Promise<void>} */
-    this.opened = new Promise((resolve) => {
-      this.connection = new Connection({
-        open: () => this.open().then(resolve),
-        close: () => this.lose(),
-        refuse: (error) => this.say(error),
-      });
+    this.opened = new Promise((resolve) => (this.ready = resolve));
+    this.connection = new Connection({
+      open: () => this.open(),
+      close: () => this.listener.say("The connection to smaclite-pool is lost. Trying again."),
+      refuse: (error) => this.listener.say(error),
     });
   }
 
   async open() {
     for (const request of this.told.values()) await this.send(request);
-    if (this.isLost) this.resume();
-    this.isLost = false;
-  }
-
-  lose() {
-    this.isLost = true;
-    this.say(LOST);
+    this.ready();
+    this.listener.resume();
   }
 
   /**
@@ -59,34 +54,14 @@ class ProgramEngine {
   }
 
   /**
-   * @param {any} request
+   * @param {Request} request
    * @returns {Promise<any>}
    */
   async send(request) {
-    try {
-      const { outcome } = await /** @type {Connection} */ (this.connection).request({
-        type: "session",
-        request,
-      });
-      if ("error" in outcome) throw new Error(outcome.error);
-      return outcome.response;
-    } catch (error) {
-      throw error instanceof ConnectionLost ? new Error(LOST, { cause: error }) : error;
-    }
+    const { outcome } = await this.connection.request({ type: "session", request }).catch((error) => {
+      throw error instanceof ConnectionLost ? new EngineLost(error.message) : error;
+    });
+    if ("error" in outcome) throw new Error(outcome.error);
+    return outcome.response;
   }
 }
-
-/** @param {PageData} data */
-async function startWithProgram(data) {
-  const engine = new ProgramEngine();
-  engine.say = (text) => Object.assign(byId("message"), { hidden: false, textContent: text });
-  await engine.opened;
-  const page = await startPlayground(engine, data);
-  engine.say = (text) => page.fail(text);
-  engine.resume = () => page.resume();
-}
-
-startWithProgram(JSON.parse(byId("data").textContent)).catch((error) => {
-  byId("message").hidden = false;
-  byId("message").textContent = `The page cannot start: ${messageOf(error)}`;
-});

@@ -1,30 +1,13 @@
 // Written by a test of protocol/mod.rs, from the types there: `just generate`
-import type { Outcome as SessionOutcome, Request as SessionRequest } from "#playground/protocol.d.ts";
-import type { EpisodeResult, Features, ScenarioInfo, TypeInfo } from "#view/data.d.ts";
+import type { Outcome as SessionOutcome, Request as SessionRequest, ScenarioFiles } from "#playground/protocol.d.ts";
+import type { EpisodeResult, Features, ScenarioInfo } from "#view/data.d.ts";
 
 export type Version = 6;
-type UnitFile = { name: string; keys: string[]; text: string };
-export type ScenarioFiles = { source: string; text: string; unit_files: UnitFile[] };
-export type Problem = {
-  file: string; line: number | null; column: number | null; path: string; message: string;
-};
 export type LaneStats = Record<
   "steps" | "episodes" | "wins" | "returns" | "frames"
   | "rejected" | "accepted" | "waited_ns",
   number
 >;
-export type JsonSchema = {
-  type?: string;
-  minimum?: number;
-  exclusiveMinimum?: number;
-  maximum?: number;
-  enum?: string[];
-  items?: JsonSchema;
-  properties?: { [key in string]?: JsonSchema };
-  default?: unknown;
-  description?: string;
-  propertyNames?: JsonSchema;
-};
 export type RequestMessage = { id: number, request: PageRequest, };
 export type ResponseMessage = { 
 /**
@@ -45,23 +28,9 @@ count: number,
 /**
  * Whether the page is.
  */
-visible: boolean, } | { "type": "follow", env: number, } | { "type": "unfollow", } | { "type": "get_steps", number: number, step: number, } | { "type": "get_observation", number: number, step: number, agent: number, } | { "type": "get_snapshot", number: number, step: number, } | { "type": "get_builtins", } | { "type": "open_files", } | { "type": "check_files", files: ScenarioFiles, groups: Array<Group>, 
-/**
- * Of the teams and start positions that are drawn.
- */
-seed: string, } | { "type": "play_battle" } & PlayBattle | { "type": "save_files" } & SaveFiles | { "type": "session", request: SessionRequest, };
-export type PageResponse = { "type": "hello", } | { "type": "select_lane", } | { "type": "set_view", } | { "type": "follow", } | { "type": "unfollow", } | { "type": "get_steps" } & Steps | { "type": "get_observation", obs: Array<number>, } | { "type": "get_snapshot" } & SnapshotFile | { "type": "get_builtins" } & Builtins | { "type": "open_files" } & OpenedFiles | { "type": "check_files" } & CheckedFiles | { "type": "play_battle" } & PlayedBattle | { "type": "save_files" } & SavedFiles | { "type": "session", outcome: SessionOutcome, };
+visible: boolean, } | { "type": "follow", env: number, } | { "type": "unfollow", } | { "type": "get_steps", number: number, step: number, } | { "type": "get_observation", number: number, step: number, agent: number, } | { "type": "get_snapshot", number: number, step: number, } | { "type": "open_files", } | { "type": "save_files" } & SaveFiles | { "type": "session", request: SessionRequest, };
+export type PageResponse = { "type": "hello", } | { "type": "select_lane", } | { "type": "set_view", } | { "type": "follow", } | { "type": "unfollow", } | { "type": "get_steps" } & Steps | { "type": "get_observation", obs: Array<number>, } | { "type": "get_snapshot" } & SnapshotFile | { "type": "open_files" } & OpenedFiles | { "type": "save_files" } & SavedFiles | { "type": "session", outcome: SessionOutcome, };
 export type PageEvent = { "type": "lane" } & LaneInfo | { "type": "lost", error: string, } | { "type": "grid", cells: Array<GridCell>, } | { "type": "status" } & PoolState | { "type": "episodes", episodes: Array<EpisodeInfo>, };
-export type Group = { x: number, y: number, faction: string, 
-/**
- * Types and their counts.
- */
-units: Array<[string, number]>, };
-export type PlayBattle = { files: ScenarioFiles, policy: string, 
-/**
- * A whole number; as a text, because JavaScript has no 64-bit integers.
- */
-seed: string, rules: string, };
 export type SaveFiles = { files: ScenarioFiles, 
 /**
  * Whether files are written that were changed by another program since they were read.
@@ -97,37 +66,6 @@ export type SnapshotFile = { name: string,
  * In base64.
  */
 record: string, };
-export type Builtins = { 
-/**
- * The text of a new scenario.
- */
-new: string, scenarios: Array<NamedText>, presets: Array<Preset>, units: Array<StandardUnit>, policies: Array<string>, rules: Array<string>, scenario_format: FileFormat, unit_format: FileFormat, 
-/**
- * Keywords of `targeter`, with the parameters of each.
- */
-targeters: Array<TargeterFormat>, };
-export type NamedText = { name: string, text: string, };
-export type Preset = { name: string, 
-/**
- * As scenario files have them: the southernmost first.
- */
-rows: Array<string>, };
-export type StandardUnit = { name: string, text: string, 
-/**
- * Whether a unit file of this name has priority over it.
- */
-is_replaceable: boolean, };
-export type FileFormat = { 
-/**
- * In the order in which files have them.
- */
-keys: Array<KeyFormat>, };
-export type KeyFormat = { name: string, is_required: boolean, 
-/**
- * Of its value: type, range, keywords, default, description.
- */
-schema: JsonSchema, };
-export type TargeterFormat = { name: string, parameters: Array<KeyFormat>, };
 export type OpenedFiles = { files: ScenarioFiles, 
 /**
  * The file that is saved, if the command names one.
@@ -137,34 +75,6 @@ target: string | null,
  * Whether it exists.
  */
 exists: boolean, };
-export type CheckedFiles = { problems: Problem[], 
-/**
- * What is probably a mistake in a valid scenario.
- */
-warnings: Problem[], 
-/**
- * Of a valid scenario.
- */
-summary: Summary | null, types: TypeInfo[], 
-/**
- * The units of each group: `[index in types, x, y]`; none if a type is unknown.
- */
-groups: Array<Array<[number, number, number]> | null>, 
-/**
- * The units that a seed draws in a valid generated scenario: `[index in types, faction, x, y]`, where
- * the faction is 0 for allies and 1 for enemies.
- */
-drawn: Array<[number, number, number, number]> | null, sight: number, };
-export type Summary = { n_agents: number, n_enemies: number, n_actions: number, obs_size: number, state_size: number, };
-export type PlayedBattle = { 
-/**
- * The page of a replay.
- */
-page: string, steps: number, 
-/**
- * Steps after which a limit of the editor ended it, not the scenario's.
- */
-cut_at: number | null, };
 export type SavedFiles = { "saved": Array<string> } | { "conflicts": Array<string> };
 export type LaneInfo = { scenario: ScenarioInfo, lane: string, pid: number, num_envs: number, rules: string, 
 /**

@@ -14,7 +14,6 @@ pub(crate) use live::*;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use serde_json::value::RawValue;
-use smaclite_scenarios::ScenarioFiles;
 #[cfg(test)]
 use ts_rs::TS;
 
@@ -97,23 +96,11 @@ pub(crate) enum PageRequest {
         number: u64,
         step: usize,
     },
-    /// What the editor needs to know of files and of what is built in.
-    GetBuiltins {},
     /// The files to begin with.
     OpenFiles {},
-    /// The problems of files, and where their units start.
-    CheckFiles {
-        #[cfg_attr(test, ts(type = "ScenarioFiles"))]
-        files: ScenarioFiles,
-        groups: Vec<Group>,
-        /// Of the teams and start positions that are drawn.
-        seed: String,
-    },
-    /// Plays a battle.
-    PlayBattle(PlayBattle),
     /// Writes the files that the command names.
     SaveFiles(SaveFiles),
-    /// A request of the playground to its session.
+    /// A request of the playground or of the editor to its session.
     Session {
         #[cfg_attr(test, ts(type = "SessionRequest"))]
         request: Value,
@@ -135,10 +122,7 @@ pub(crate) enum PageResponse {
         obs: Vec<f32>,
     },
     GetSnapshot(SnapshotFile),
-    GetBuiltins(Builtins),
     OpenFiles(OpenedFiles),
-    CheckFiles(CheckedFiles),
-    PlayBattle(PlayedBattle),
     SaveFiles(SavedFiles),
     Session {
         #[cfg_attr(test, ts(type = "SessionOutcome"))]

@@ -3,36 +3,17 @@
 use super::*;
 use serde_json::{Value, json};
 use smaclite_pool::LaneStats;
-use smaclite_scenarios::UnitFile;
-use smaclite_units::file::Problem;
 use ts_rs::Config;
 
 const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/src/web/pages/protocol.d.ts");
 
 /// Types of other crates. The test below compares their keys.
 const FOREIGN: &str = "\
-type UnitFile = { name: string; keys: string[]; text: string };
-export type ScenarioFiles = { source: string; text: string; unit_files: UnitFile[] };
-export type Problem = {
-  file: string; line: number | null; column: number | null; path: string; message: string;
-};
 export type LaneStats = Record<
   \"steps\" | \"episodes\" | \"wins\" | \"returns\" | \"frames\"
   | \"rejected\" | \"accepted\" | \"waited_ns\",
   number
 >;
-export type JsonSchema = {
-  type?: string;
-  minimum?: number;
-  exclusiveMinimum?: number;
-  maximum?: number;
-  enum?: string[];
-  items?: JsonSchema;
-  properties?: { [key in string]?: JsonSchema };
-  default?: unknown;
-  description?: string;
-  propertyNames?: JsonSchema;
-};
 ";
 
 fn description() -> String {
@@ -48,22 +29,10 @@ fn description() -> String {
         PageRequest,
         PageResponse,
         PageEvent,
-        Group,
-        PlayBattle,
         SaveFiles,
         Steps,
         SnapshotFile,
-        Builtins,
-        NamedText,
-        Preset,
-        StandardUnit,
-        FileFormat,
-        KeyFormat,
-        TargeterFormat,
         OpenedFiles,
-        CheckedFiles,
-        Summary,
-        PlayedBattle,
         SavedFiles,
         LaneInfo,
         GridCell,
@@ -76,9 +45,9 @@ fn description() -> String {
     ];
     format!(
         "// Written by a test of protocol/mod.rs, from the types there: `just generate`\n\
-         import type {{ Outcome as SessionOutcome, Request as SessionRequest }} \
+         import type {{ Outcome as SessionOutcome, Request as SessionRequest, ScenarioFiles }} \
          from \"#playground/protocol.d.ts\";\n\
-         import type {{ EpisodeResult, Features, ScenarioInfo, TypeInfo }} from \"#view/data.d.ts\";\n\n\
+         import type {{ EpisodeResult, Features, ScenarioInfo }} from \"#view/data.d.ts\";\n\n\
          export type Version = {VERSION};\n{FOREIGN}{declarations}"
     )
 }
@@ -98,18 +67,6 @@ fn keys(value: &Value) -> Vec<&str> {
 
 #[test]
 fn types_of_other_crates_are_as_the_scripts_know_them() {
-    let unit = UnitFile { name: String::new(), keys: Vec::new(), text: String::new() };
-    assert_eq!(keys(&json!(unit)), ["keys", "name", "text"]);
-    let files = ScenarioFiles { source: String::new(), text: String::new(), unit_files: vec![] };
-    assert_eq!(keys(&json!(files)), ["source", "text", "unit_files"]);
-    let problem = Problem {
-        file: String::new(),
-        line: None,
-        column: None,
-        path: String::new(),
-        message: String::new(),
-    };
-    assert_eq!(keys(&json!(problem)), ["column", "file", "line", "message", "path"]);
     for key in keys(&json!(LaneStats::default())) {
         assert!(FOREIGN.contains(&format!("\"{key}\"")), "{key}");
     }

@@ -2,13 +2,13 @@
 // FollowPlayer: plays the episodes of one environment, tick by tick, as its log grows.
 
 import { titleCase } from "#view/battle.js";
-import { byId, download, make } from "#view/dom.js";
+import { byId, download, make, messageOf } from "#view/dom.js";
 import { clamp, counted } from "#view/numbers.js";
 import { ObservationCard } from "#view/observation.js";
 import { BattlePlayer, RESULTS } from "#view/player.js";
 import { Track, bytesOf } from "#view/track.js";
 import { TICKS_PER_STEP } from "#view/transport.js";
-import { ConnectionLost, messageOf } from "../connection.js";
+import { ConnectionLost } from "../connection.js";
 
 /** @import { Box } from "#view/camera.js" */
 /** @import { EpisodeResult, Features, ScenarioInfo } from "#view/data.d.ts" */

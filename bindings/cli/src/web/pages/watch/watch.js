@@ -1,10 +1,10 @@
 // @ts-check
 // The page of a running pool: the grid of a lane's battles with its panel, or one battle that is followed.
 
-import { byId, make } from "#view/dom.js";
+import { byId, make, messageOf } from "#view/dom.js";
 import { counted } from "#view/numbers.js";
 import { theme } from "#view/theme.js";
-import { Connection, ConnectionLost, messageOf } from "../connection.js";
+import { Connection, ConnectionLost } from "../connection.js";
 import { FollowPlayer, seconds } from "./follow.js";
 import { Grid, MOST_CELLS } from "./grid.js";
 import { LanePanel, compact } from "./plots.js";

@@ -1,6 +1,6 @@
 //! The problems of the files, as `smaclite-pool check` prints them, and where the units start.
 
-use crate::web::protocol::{CheckedFiles, Group, Summary};
+use super::protocol::{CheckedFiles, Group, Summary};
 use glam::Vec2;
 use smaclite_engine::SIGHT_RANGE;
 use smaclite_engine::{Arena, Battle, BattleSetup, Rules};
@@ -9,7 +9,7 @@ use smaclite_units::{Keyword, UnitType};
 use smaclite_view::page::types_info;
 use std::sync::Arc;
 
-pub(super) fn check(files: &ScenarioFiles, groups: &[Group], seed: &str) -> CheckedFiles {
+pub(crate) fn check(files: &ScenarioFiles, groups: &[Group], seed: &str) -> CheckedFiles {
     let problems = problems(files);
     let mut types = Types { files, keys: Vec::new(), types: Vec::new() };
     let mut free = MAX_UNITS as usize;

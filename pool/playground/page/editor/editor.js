@@ -1,34 +1,36 @@
 // @ts-check
-// EditorPage: connects the document, the map, the forms and the program that serves the page.
+// EditorPage: connects the document, the map, the forms and the engine.
 
 import { all, byId, make } from "#view/dom.js";
 import { clamp } from "#view/numbers.js";
 import { theme } from "#view/theme.js";
-import { Connection, messageOf } from "../connection.js";
 import { Arena } from "./arena.js";
 import { Commands } from "./commands.js";
 import { ScenarioDocument, isNumber, stemOf } from "./document.js";
 import { button } from "./fields.js";
-import { FileStore } from "./files.js";
+import { FileStore, filesOfLink } from "./files.js";
 import { GroupsPanel, ScenarioPanel } from "./groups.js";
 import { MapEditor } from "./map.js";
-import { say } from "./message.js";
 import { Checker, TABS } from "./problems.js";
 import { TextPanel } from "./text.js";
 import { TOOL_HINTS } from "./tools.js";
 import { TypesPanel } from "./types.js";
 
-/** @import { Builtins, OpenedFiles, ScenarioFiles } from "../protocol.d.ts" */
+/** @import { Engine } from "../engine.js" */
+/** @import { Builtins, ScenarioFiles } from "../protocol.d.ts" */
+/** @import { Opened } from "./files.js" */
 /** @import { Layout, Tab } from "./problems.js" */
 
 export class EditorPage {
   /**
-   * @param {Connection} connection
+   * @param {Engine} engine
    * @param {Builtins} builtins
-   * @param {OpenedFiles} opened
+   * @param {Opened} opened
+   * @param {string} playground The address of the page that plays.
    */
-  constructor(connection, builtins, { files, target, exists }) {
-    this.connection = connection;
+  constructor(engine, builtins, opened, playground) {
+    this.engine = engine;
+    this.playground = playground;
     this.builtins = builtins;
     /** The selected group, or -1. */
     this.group = -1;
@@ -41,8 +43,8 @@ export class EditorPage {
     this.lastUnits = { MARINE: 1 };
     /** @type {Tab} */
     this.tab = "groups";
-    this.doc = new ScenarioDocument(builtins, files);
-    this.store = new FileStore(this, { target, exists });
+    this.doc = new ScenarioDocument(builtins, opened.files);
+    this.store = new FileStore(this, opened);
     this.checker = new Checker(this);
     this.arena = new Arena(this);
     this.map = new MapEditor(byId("map"), this);
@@ -75,10 +77,6 @@ export class EditorPage {
   }
 
   fillChoices() {
-    /** @param {string} name */
-    const option = (name) => make("option", { value: name }, name.replaceAll("_", " "));
-    byId("policy").replaceChildren(...this.builtins.policies.map(option));
-    byId("policy").value = "nearest";
     byId("rules").replaceChildren(
       ...this.builtins.rules.map((name) => make("option", { value: name }, `${name} rules`)),
     );
@@ -288,26 +286,19 @@ export class EditorPage {
   }
 }
 
-/** @type {EditorPage | null} The page, once the files are opened. */
-let editorPage = null;
-
-/** There is a connection, at first or again. */
-async function connected() {
-  say("");
-  if (editorPage) return editorPage.checker.check();
-  try {
-    const builtins = await connection.request({ type: "get_builtins" });
-    const opened = await connection.request({ type: "open_files" });
-    editorPage = new EditorPage(connection, builtins, opened);
-    editorPage.start();
-  } catch (error) {
-    say(`The files cannot be opened: ${messageOf(error)}`);
-  }
+/**
+ * Starts the page.
+ * @param {Engine} engine
+ * @param {(builtins: Builtins) => Promise<Opened>} open
+ * @param {string} playground
+ */
+export async function startEditor(engine, open, playground) {
+  theme.start();
+  const builtins = await engine.request({ type: "get_builtins" });
+  const handedOver = await filesOfLink(location.hash.slice(1), builtins),
+    opened = await open(builtins);
+  const page = new EditorPage(engine, builtins, opened, playground);
+  if (handedOver) page.load(handedOver);
+  page.start();
+  return page;
 }
-
-theme.start();
-const connection = new Connection({
-  open: connected,
-  close: () => say("The connection to smaclite-pool is lost; edits stay here. Trying again\u2026"),
-  refuse: say,
-});

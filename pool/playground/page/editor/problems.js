@@ -1,9 +1,9 @@
 // @ts-check
 // Checker: requests what is wrong with the files, and shows it in the list, the fields and the tabs.
 
-import { all, byId, make } from "#view/dom.js";
+import { all, byId, make, messageOf } from "#view/dom.js";
 import { counted } from "#view/numbers.js";
-import { messageOf } from "../connection.js";
+import { EngineLost } from "../engine.js";
 import { isNumber, stemOf } from "./document.js";
 import { button, fieldKey } from "./fields.js";
 import { tell } from "./message.js";
@@ -103,7 +103,7 @@ export class Checker {
       const files = this.page.doc.files();
       const seed = byId("seed").value.trim();
       const request = { type: /** @type {const} */ ("check_files"), files, groups: readable, seed };
-      const checked = await this.page.connection.request(request);
+      const checked = await this.page.engine.request(request);
       if (state !== this.page.doc.state) return;
       this.checked = state;
       this.page.layout = new Layout(groups, checked);
@@ -112,7 +112,7 @@ export class Checker {
       this.summary = checked.summary;
       byId("draw").hidden = !checked.drawn;
     } catch (error) {
-      if (this.page.connection.isOpen) tell(`The files cannot be checked: ${messageOf(error)}`, true);
+      if (!(error instanceof EngineLost)) tell(`The files cannot be checked: ${messageOf(error)}`, true);
       return;
     }
     this.show();

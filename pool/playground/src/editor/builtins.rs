@@ -1,17 +1,20 @@
-//! What is built in (scenarios, terrains, unit types, policies), and the keys of files as their crates
+//! What is built in (scenarios, terrains, unit types, rules), and the keys of files as their crates
 //! declare them.
 
-use crate::new::default_scenario;
-use crate::web::protocol::{
-    Builtins, FileFormat, KeyFormat, NamedText, Preset, StandardUnit, TargeterFormat,
-};
+use super::protocol::{Builtins, FileFormat, KeyFormat, NamedText, Preset, StandardUnit, TargeterFormat};
+use serde_json::json;
 use smaclite_engine::Rules;
-use smaclite_engine::policy::Scripted;
 use smaclite_scenarios::{Scenario, ScenarioFiles, Terrain, is_replaceable};
 use smaclite_units::UnitType;
 use smaclite_units::file::AnyKey;
 
-pub(super) fn builtins() -> Builtins {
+/// A scenario to begin with: three marines on each side.
+pub fn new_scenario(name: &str) -> String {
+    let marines = ScenarioFiles::resolve("3m").map(|(_, files)| files.text).unwrap_or_default();
+    marines.replacen("\"3m\"", &json!(name).to_string(), 1)
+}
+
+pub(crate) fn builtins() -> Builtins {
     let scenario = |name| Some(NamedText { name, text: ScenarioFiles::resolve(name).ok()?.1.text });
     let preset = |name| Some(Preset { name, rows: rows(&Terrain::preset(name)?) });
     let unit = |name| {
@@ -20,14 +23,13 @@ pub(super) fn builtins() -> Builtins {
     };
     let targeter = |(name, keys)| TargeterFormat { name, parameters: formats(keys) };
     Builtins {
-        new: default_scenario("new_scenario"),
+        new: new_scenario("new_scenario"),
         scenarios: Scenario::standard_names()
             .chain(Scenario::generated_names())
             .filter_map(scenario)
             .collect(),
         presets: Terrain::preset_names().filter_map(preset).collect(),
         units: UnitType::standard_names().filter_map(unit).collect(),
-        policies: Scripted::NAMES.to_vec(),
         rules: Rules::ALL.map(|rules| rules.to_string()).to_vec(),
         scenario_format: FileFormat { keys: formats(Scenario::keys()) },
         unit_format: FileFormat { keys: formats(UnitType::keys()) },
@@ -75,7 +77,7 @@ mod tests {
     /// The tests of the scripts read the file that this one writes.
     #[test]
     fn generated_types_for_the_tests_of_the_scripts() {
-        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/src/web/pages/editor/builtins.json");
+        let file = concat!(env!("CARGO_MANIFEST_DIR"), "/page/editor/builtins.json");
         let mut builtins = builtins();
         builtins.scenarios.retain(|scenario| scenario.name == "2s3z");
         builtins.presets.retain(|preset| preset.name == "SIMPLE");

@@ -1,23 +1,51 @@
 // @ts-check
 // FileStore: opens files of the browser's user, and saves: in place through the program, or by download.
 
-import { download } from "#view/dom.js";
+import { download, messageOf } from "#view/dom.js";
 import { stemOf } from "./document.js";
+import { scenarioOf } from "../link.js";
+import { isText, nameOf } from "../scenario.js";
 import { JsonText } from "./json.js";
-import { messageOf } from "../connection.js";
 import { tell } from "./message.js";
 
 /** @import { EditorPage } from "./editor.js" */
+/** @import { Builtins, ScenarioFiles } from "../protocol.d.ts" */
+/**
+ * What the editor begins with. A page without a program has no target, and saves by download.
+ * @typedef {object} Opened
+ * @property {ScenarioFiles} files
+ * @property {string | null} target The file that is saved.
+ * @property {boolean} exists Whether it exists.
+ * @property {(files: ScenarioFiles, replace: boolean) =>
+ *   Promise<{ saved: string[] } | { conflicts: string[] }>} save
+ */
+
+/**
+ * The files of the scenario that a link hands over, if it does.
+ * @param {string} link
+ * @param {Builtins} builtins
+ * @returns {Promise<ScenarioFiles | null>}
+ */
+export async function filesOfLink(link, builtins) {
+  const scenario = await scenarioOf(new URLSearchParams(link));
+  if (!scenario) return null;
+  const known = builtins.scenarios.find(({ name }) => name === scenario),
+    text = known?.text ?? scenario;
+  if (!isText(text)) throw new Error(`there is no scenario \`${scenario}\``);
+  const { files } = new JsonText(text).isObject ? JSON.parse(text) : { files: null };
+  return files ?? { source: `${nameOf(text) ?? "scenario"}.json`, text, unit_files: [] };
+}
 
 export class FileStore {
   /**
    * @param {EditorPage} page
-   * @param {{ target: string | null, exists: boolean }} opened
+   * @param {Opened} opened
    */
-  constructor(page, { target, exists }) {
+  constructor(page, { target, exists, save }) {
     this.page = page;
     /** The file that the program writes, or null. */
     this.target = target;
+    this.write = save;
     /** Whether the document is the target's, and whether the target exists. */
     this.isTargets = target !== null;
     this.exists = exists;
@@ -63,11 +91,8 @@ export class FileStore {
       return;
     const { state } = this.page.doc;
     try {
-      const response = await this.page.connection.request({
-        type: "save_files",
-        files: this.page.doc.files(),
-        replace: replace || (!this.isTargets && this.exists),
-      });
+      const isReplaced = replace || (!this.isTargets && this.exists);
+      const response = await this.write(this.page.doc.files(), isReplaced);
       if ("conflicts" in response) {
         const files = response.conflicts.join(", ");
         if (confirm(`Changed by another program, or not of this scenario: ${files}. Replace?`))

@@ -1,0 +1,65 @@
+// @ts-check
+// Arena: plays the scenario, in a frame with the playground.
+
+import { byId, make, messageOf } from "#view/dom.js";
+import { linkOf } from "../link.js";
+import { tell } from "./message.js";
+
+/** @import { EditorPage } from "./editor.js" */
+
+export class Arena {
+  /** @param {EditorPage} page */
+  constructor(page) {
+    this.page = page;
+  }
+
+  async play() {
+    if (this.page.checker.problems.length || byId("play").disabled) return;
+    byId("play").disabled = true;
+    const seed = byId("seed").value.trim() || "0",
+      rules = byId("rules").value;
+    try {
+      const { source, text, unit_files: units } = this.page.doc.files();
+      const files = [
+        { name: source, text },
+        ...units.map(({ name, text }) => ({ name: `${name}.json`, text })),
+      ];
+      const { scenario } = await this.page.engine.request({ type: "open_scenario", files });
+      const battle = { scenario, seed, opponent: "", rules, team: "", actions: [], taken: [] };
+      this.enter(`${this.page.playground}${location.search}#${await linkOf(battle)}&play=1`);
+    } catch (error) {
+      tell(`Not played: ${messageOf(error)}`, true);
+    } finally {
+      byId("play").disabled = this.page.checker.problems.length > 0;
+    }
+  }
+
+  /**
+   * Shows the playground.
+   * @param {string} address
+   */
+  enter(address) {
+    const frame = make("iframe", { title: "Battle", src: address });
+    frame.addEventListener("load", () => this.begin(frame));
+    byId("arena").append(frame);
+    byId("arena").hidden = false;
+  }
+
+  /**
+   * Listens to the key that leaves the battle, which a page from a folder keeps for itself.
+   * @param {HTMLIFrameElement} frame
+   */
+  begin(frame) {
+    const inner = frame.contentDocument;
+    inner?.addEventListener("keydown", (event) => {
+      if (event.key === "Escape" && !inner.querySelector("dialog[open], .painting")) this.leave();
+    });
+    frame.contentWindow?.focus();
+  }
+
+  leave() {
+    byId("arena").querySelector("iframe")?.remove();
+    byId("arena").hidden = true;
+    byId("play").focus();
+  }
+}
