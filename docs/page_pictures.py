@@ -82,7 +82,7 @@ def draw_play(stack: ExitStack, browser: Any, path: Path) -> None:
         page.keyboard.press("a")
         page.keyboard.press(".")
         page.wait_for_selector(f"#time:has-text('step {step} /')")
-    page.wait_for_selector("#result.paused")
+    page.wait_for_selector("#result:has-text('Paused')")
     page.keyboard.press("a")
     page.wait_for_timeout(500)
     save(browser, page, path)

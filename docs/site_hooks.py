@@ -3,7 +3,7 @@
 A line `<!-- insert: NAME -->` of a page is replaced. NAME is `batch-fields` for the table of the fields of a
 batch, `snapshot-columns` for the columns of a snapshot, `dataset-arrays` for the arrays of a dataset,
 `unit-keys` and `scenario-keys` for the keys of these files, `commands` for the help of every command,
-`playground` for the page of `just playground`.
+`playground` and `editor` for the pages of `just playground`.
 """
 
 from __future__ import annotations
@@ -19,8 +19,9 @@ from typing import Any
 
 import smaclite_pool
 
-PLAYGROUND = Path(__file__).resolve().parents[1] / "target/playground/battle.html"
-"""The page of `just playground`; beside docs/playground.md on the site."""
+PAGES = Path(__file__).resolve().parents[1] / "target/playground"
+"""The pages of `just playground`, beside docs/playground.md on the site."""
+PLAYGROUND, EDITOR = PAGES / "battle.html", PAGES / "editor.html"
 
 COLUMNS = "90"
 """Characters per line of the help."""
@@ -37,8 +38,9 @@ def on_files(files: Any, config: Any) -> Any:
     """Called by MkDocs with all files of the site."""
     from mkdocs.structure.files import File  # the tests of this file do without MkDocs
 
-    if PLAYGROUND.exists():
-        files.append(File.generated(config, "playground/battle.html", abs_src_path=str(PLAYGROUND)))
+    for page in (PLAYGROUND, EDITOR):
+        if page.exists():
+            files.append(File.generated(config, f"playground/{page.name}", abs_src_path=str(page)))
     return files
 
 
@@ -142,6 +144,13 @@ def playground() -> str:
     )
 
 
+def editor() -> str:
+    """Where the editor is on the site, if it is."""
+    if not EDITOR.exists():
+        return "on the documentation site it is a page of its own (`just playground` makes it)"
+    return "[it is a page of this site](../../playground/editor.html), which saves by download"
+
+
 def run(*command: str) -> str:
     """What the program prints."""
     argv = [sys.executable, "-m", "smaclite_pool", *command]
@@ -157,4 +166,5 @@ INSERTS = {
     "scenario-keys": lambda: keys("scenario"),
     "commands": commands,
     "playground": playground,
+    "editor": editor,
 }

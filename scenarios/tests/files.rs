@@ -5,40 +5,30 @@ use smaclite_scenarios::{Faction, Problems, Rewards, Scenario, ScenarioFiles, Un
 use std::fs;
 use std::path::Path;
 
-/// A valid file; each case replaces, leaves out or adds keys.
-const REQUIRED: [(&str, &str); 9] = [
-    ("name", r#""duel""#),
-    ("num_allied_units", "1"),
-    ("num_enemy_units", "2"),
-    (
-        "groups",
-        r#"[{"x": 9, "y": 16, "faction": "ALLY", "units": {"ZEALOT": 1}},
-            {"x": 23, "y": 16, "faction": "ENEMY", "units": {"STALKER": 1, "MARINE": 1}}]"#,
-    ),
-    ("attack_point", "[9, 16]"),
-    ("terrain_preset", r#""SIMPLE""#),
-    ("num_unit_types", "0"),
-    ("ally_has_shields", "true"),
-    ("enemy_has_shields", "false"),
-];
+#[path = "../../units/tests/messages/mod.rs"]
+mod messages;
 
-/// The valid file with `changes`, pairs of key and value; an empty value leaves the key out.
+fn valid() -> Vec<(String, String)> {
+    messages::valid("Scenario files")
+}
+
+/// The valid file of the page with `changes`; an empty value leaves the key out.
 fn file(changes: &[(&str, &str)]) -> String {
-    let changed = |key: &str| changes.iter().any(|(name, _)| *name == key);
-    let kept = REQUIRED.iter().filter(|(key, _)| !changed(key));
-    let entries: Vec<String> = kept
-        .chain(changes.iter().filter(|(_, value)| !value.is_empty()))
-        .map(|(key, value)| format!("\"{key}\": {value}"))
-        .collect();
-    format!("{{{}}}", entries.join(", "))
+    messages::file(&valid(), changes)
+}
+
+/// The groups of the valid file.
+fn groups() -> String {
+    let valid = valid();
+    valid.into_iter().find(|(key, _)| key == "groups").expect("groups").1
 }
 
 fn read(changes: &[(&str, &str)]) -> Result<Scenario, String> {
-    Scenario::from_json(&file(changes), "duel.json", Path::new("")).map_err(messages)
+    Scenario::from_json(&file(changes), "duel.json", Path::new("")).map_err(all)
 }
 
 /// The messages of all problems, one per line, without files and positions.
-fn messages(problems: Problems) -> String {
+fn all(problems: Problems) -> String {
     let messages: Vec<_> = problems.list().iter().map(|problem| problem.message.as_str()).collect();
     messages.join("\n")
 }
@@ -90,176 +80,36 @@ fn inline_terrain_has_row_0_first() {
     }
 }
 
-/// Changes of the file, and the messages of its problems, one per line.
-type Case<'a> = (&'a [(&'a str, &'a str)], &'a str);
-
-fn check(cases: &[Case]) {
-    for (changes, message) in cases {
-        assert_eq!(read(changes).expect_err(message), *message);
+#[test]
+fn errors_say_what_is_accepted() {
+    for part in ["Scenario files", "Maps", "Counts and types"] {
+        for row in messages::rows(part) {
+            let text = messages::file(&valid(), &messages::changes(&row[0]));
+            let error =
+                Scenario::from_json(&text, "duel.json", Path::new("")).map_err(all).expect_err(&row[1]);
+            assert_eq!(error, row[1], "{}", row[0]);
+        }
     }
-}
-
-#[test]
-fn bad_keys_and_values() {
-    check(&[
-        (&[("grups", "[]")], "unknown key `grups`; did you mean `groups`?"),
-        (&[("name", "")], "`name` is missing; it must be the scenario's name"),
-        (&[("ally_has_shields", "1")], "`ally_has_shields` is 1, but must be true or false"),
-        (&[("attack_point", "[9]")], "`attack_point` is a list of length 1, but must be two numbers, [x, y]"),
-        (&[("attack_point", "[9, 33]")], "`attack_point[1]` is 33, but must be a number from 0 to 32"),
-        (
-            &[("march_to", r#""agents""#)],
-            r#"`march_to` is "agents", but must be "AGENTS", or the two ends of a line, [[x, y], [x, y]]"#,
-        ),
-        (
-            &[("march_to", "[[9, 16]]")],
-            "`march_to` is a list of length 1, but must be \"AGENTS\", or the two ends of a line, \
-             [[x, y], [x, y]]",
-        ),
-        (&[("march_to", "[[9, 16], [9, 33]]")], "`march_to[1][1]` is 33, but must be a number from 0 to 32"),
-        (
-            &[("march_to", "[1, 2]")],
-            "`march_to[0]` is 1, but must be a list\n`march_to[1]` is 2, but must be a list",
-        ),
-        (&[("episode_limit", "0")], "`episode_limit` is 0, but must be a whole number from 1 to 4294967295"),
-    ]);
-}
-
-#[test]
-fn bad_terrain() {
-    let side = ("width", "2");
-    let inline = |rows| [("terrain_preset", ""), ("terrain", rows), side, ("height", "2")];
-    check(&[
-        (
-            &[("terrain_preset", "\"SIMPEL\"")],
-            "`terrain_preset` is \"SIMPEL\", but must be one of ALL_GREEN, CHECKERBOARD, \
-             CORRIDOR, FLAT, NARROW, OCTAGON, PENTAGON, RAVINE, SIMPLE; did you mean `SIMPLE`?",
-        ),
-        (
-            &[("terrain_preset", "")],
-            "`terrain_preset` is missing; it must be one of ALL_GREEN, CHECKERBOARD, CORRIDOR, FLAT, NARROW, \
-             OCTAGON, PENTAGON, RAVINE, SIMPLE; or `terrain` must define the map",
-        ),
-        (
-            &[("terrain", "[]")],
-            "`terrain_preset` is \"SIMPLE\", but must be left out, because `terrain` defines the map",
-        ),
-        (&[("width", "40")], "`width` is 40, but must be 32, the size of the terrain presets"),
-        (&[("height", "2000")], "`height` is 2000, but must be a whole number from 1 to 1024"),
-        (
-            &[("terrain_preset", ""), ("terrain", "[]")],
-            "`terrain` is a list of length 0, but must be a list of 32 rows, the value of `height` \
-             (32 if it is missing)",
-        ),
-        (
-            &inline(r#"["__", "_"]"#),
-            "`terrain[1]` is \"_\", but must be a row of 2 squares, the value of `width`; it has 1",
-        ),
-        (
-            &inline(r#"["__", "_."]"#),
-            "`terrain[1]` is \"_.\", but must be made of `_` (walkable) and `X` (blocked), without '.'",
-        ),
-        (&inline(r#"["__", 3]"#), "`terrain[1]` is 3, but must be a string of `_` and `X`"),
-        (
-            &inline(r#"["__", ["_", 1]]"#),
-            "`terrain[1][1]` is 1, but must be a string of 1 to 1024 bytes, on one line",
-        ),
-    ]);
 }
 
 #[test]
 fn bad_groups() {
-    let enemies = r#"{"x": 23, "y": 16, "faction": "ENEMY", "units": {"STALKER": 1, "MARINE": 1}}"#;
-    let one = |group: &str| format!("[{group}, {enemies}]");
-    let at = |x: &str, units: &str| format!(r#"{{"x": {x}, "y": 16, "faction": "ALLY", "units": {units}}}"#);
-    let cases = [
-        (
-            one(&at("40", r#"{"ZEALOT": 1}"#)),
-            "`groups[0]` puts a ZEALOT at (40, 16), outside the 32 x 32 map",
-        ),
-        (
-            // One problem per group, and the units are counted.
-            one(&at("40", r#"{"ZEALOT": 2}"#)),
-            "`num_allied_units` is 1, but must be 2, the number of ALLY units in `groups`\n\
-             `groups[0]` puts a ZEALOT at (39.5, 15.975), outside the 32 x 32 map",
-        ),
-        (
-            format!("[{}, {enemies}, {}]", at("9", r#"{"ZEALOT": 1}"#), at("9", r#"{"MARINE": 1}"#)),
-            "`num_allied_units` is 1, but must be 2, the number of ALLY units in `groups`\n\
-             `groups[2]` puts a MARINE at (9, 16), where another GROUND unit starts; move the group",
-        ),
-        (
-            one(&at("9", r#"{"ZEALOT": -1}"#)),
-            "`groups[0].units.ZEALOT` is -1, but must be a whole number from 1 to 1000",
-        ),
-        (
-            one(&at("9", r#"{"ZEALOT": 1000, "MARINE": 1}"#)),
-            "`groups[0].units.MARINE` raises the number of units to 1001; at most 1000 are allowed",
-        ),
-        (
-            one(&at("9", "{}")),
-            "`groups[0].units` is an object of size 0, but must be an object with at least one unit type",
-        ),
-        (
-            one(&at("\"9\"", r#"{"ZEALOT": 1}"#)),
-            "`groups[0].x` is \"9\", but must be a number from -1000000 to 1000000",
-        ),
-        (
-            one(&at("9", r#"{"ZEALOT": 1}"#).replace("ALLY", "ALY")),
-            "`groups[0].faction` is \"ALY\", but must be one of ALLY, ENEMY; did you mean `ALLY`?",
-        ),
-        (
-            one(&at("9", r#"{"ZEALOT": 1}"#).replace("faction", "side")),
-            "`groups[0].faction` is missing; it must be ALLY or ENEMY\n\
-             unknown key `groups[0].side`; expected one of x, y, faction, units",
-        ),
-        (
-            one(&at("9", r#"{"ZEALOTT": 1}"#)),
-            "`groups[0].units.ZEALOTT` is neither a standard unit type nor a unit file \
-             (tried ZEALOTT.json); did you mean `ZEALOT`?",
-        ),
-        (
-            format!("[{enemies}]"),
-            "`groups` is a list of length 1, but must be a list with at least one group of faction ALLY",
-        ),
-    ];
-    for (groups, message) in &cases {
-        check(&[(&[("groups", groups)], message)]);
+    let all = groups();
+    let (allies, enemies) =
+        all[1..].split_once("},\n").map(|(allies, rest)| (format!("{allies}}}"), rest)).unwrap();
+    let enemies = enemies.trim_end_matches([']', '\n', ' ']);
+    for row in messages::rows("Groups") {
+        let groups = format!("[{}, {enemies}]", messages::code(&row[0]));
+        assert_eq!(read(&[("groups", &groups)]).expect_err(&row[1]), row[1], "{}", row[0]);
     }
-}
-
-#[test]
-fn bad_counts_and_ids() {
-    let ids = |ids| [("num_unit_types", "3"), ("unit_type_ids", ids)];
-    check(&[
-        (
-            &[("num_enemy_units", "3")],
-            "`num_enemy_units` is 3, but must be 2, the number of ENEMY units in `groups`",
-        ),
-        (&[("num_allied_units", "0")], "`num_allied_units` is 0, but must be a whole number from 1 to 1000"),
-        (
-            &[("num_unit_types", "3")],
-            "`unit_type_ids` is missing; it must be an object of unit types and their ids, 0 to 2",
-        ),
-        (
-            &ids(r#"{"ZEALOT": 0, "STALKER": 1}"#),
-            "`unit_type_ids` is an object of size 2, but must be an object of size 3, the value of \
-             `num_unit_types`",
-        ),
-        (
-            &ids(r#"{"ZEALOT": 0, "STALKER": 1, "MARINE": 3}"#),
-            "`unit_type_ids.MARINE` is 3, but must be a whole number from 0 to 2",
-        ),
-        (
-            &ids(r#"{"ZEALOT": 0, "STALKER": 1, "MARINE": 1}"#),
-            "`unit_type_ids.MARINE` is 1, but must be an id from 0 to 2 that no other type has",
-        ),
-        (
-            &ids(r#"{"ZEALOT": 0, "STALKER": 1, "MEDIVAC": 2}"#),
-            "`unit_type_ids.MARINE` is missing; it must be an id from 0 to 2, because `groups` or `teams` \
-             contains the type",
-        ),
-    ]);
+    let three = format!("[{allies}, {enemies}, {}]", allies.replace("ZEALOT", "MARINE"));
+    let message = "`num_allied_units` is 1, but must be 2, the number of ALLY units in `groups`\n\
+                   `groups[2]` puts a MARINE at (9, 16), where another GROUND unit starts; move the group";
+    assert_eq!(read(&[("groups", &three)]), Err(message.into()));
+    let one_side = format!("[{enemies}]");
+    let message =
+        "`groups` is a list of length 1, but must be a list with at least one group of faction ALLY";
+    assert_eq!(read(&[("groups", &one_side)]), Err(message.into()));
 }
 
 const SCOUT: &str = r#"{"hp": 45, "armor": 0, "damage": 6, "cooldown": 3, "speed": 3.15, "attack_range": 3,
@@ -271,7 +121,7 @@ fn folder(unit: &str, custom_unit_path: &str) -> (tempfile::TempDir, Result<Scen
     fs::create_dir(folder.path().join("units")).unwrap();
     fs::write(folder.path().join("units/scout.json"), SCOUT).unwrap();
     fs::write(folder.path().join("scout.json"), SCOUT.replace("45", "20")).unwrap();
-    let groups = REQUIRED[3].1.replace("\"ZEALOT\": 1", &format!("{unit:?}: 1"));
+    let groups = groups().replace("\"ZEALOT\": 1", &format!("{unit:?}: 1"));
     let changes = [("groups", groups.as_str()), ("custom_unit_path", custom_unit_path)];
     let path = folder.path().join("duel.json");
     fs::write(&path, file(&changes)).unwrap();
@@ -333,7 +183,7 @@ fn the_papers_example_is_read() {
 fn two_names_of_a_file_are_one_type() {
     let units = r#"{"scout": 1, "units/../scout.json": 1}"#;
     let (folder, _) = folder("scout", "");
-    let groups = REQUIRED[3].1.replace(r#"{"ZEALOT": 1}"#, units);
+    let groups = groups().replace(r#"{"ZEALOT": 1}"#, units);
     let text = file(&[("groups", &groups), ("num_allied_units", "2")]);
     let scenario = Scenario::from_json(&text, "duel.json", folder.path()).unwrap();
     assert_eq!(scenario.unit_types.len(), 3);
@@ -348,7 +198,7 @@ fn a_bad_unit_file_is_named_with_its_scenario() {
     let (scout, duel) = (folder.path().join("scout.json"), folder.path().join("duel.json"));
     let (scout, duel) = (scout.display(), duel.display());
     let expected = format!(
-        "{duel}:1:249: `groups[0].units.scout` refers to an invalid unit file, {scout}\n\
+        "{duel}:2:56: `groups[0].units.scout` refers to an invalid unit file, {scout}\n\
          {scout}:1:8: `hp` is -45, but must be a number from 0.001 to 1000000"
     );
     assert_eq!(error, expected);
@@ -559,67 +409,10 @@ fn generated_problems(from: &str, to: &str) -> String {
 
 #[test]
 fn bad_distributions_are_named_with_line_and_column() {
-    for (from, to, expected) in [
-        (
-            "[0.45, 0.45, 0.1]",
-            "[0.45, 0.45]",
-            ":8:20: `teams.weights` is a list of length 2, but must be a list of 3",
-        ),
-        (
-            "[0.45, 0.45, 0.1]",
-            "[0.45, 0, 0.1]",
-            ":8:27: `teams.weights[1]` is 0, but must be a number above 0",
-        ),
-        (
-            "[0.45, 0.45, 0.1]",
-            "[1e-300, 0.001, 1e6]",
-            ":8:20: `teams.weights` must give the types that are not in `exception_unit_types` at least",
-        ),
-        (
-            "[\"MEDIVAC\"]",
-            "[\"ZEALOT\"]",
-            ":9:34: `teams.exception_unit_types[0]` is \"ZEALOT\", but must be one of `unit_types`",
-        ),
-        (
-            "[\"MEDIVAC\"]",
-            "[\"MEDIVAC\", \"MARINE\", \"MARAUDER\"]",
-            "must leave out at least one of `unit_types`",
-        ),
-        ("weighted_teams", "weighted_team", "did you mean `weighted_teams`?"),
-        ("\"weighted_teams\"", "\"all_teams\"", "`teams.weights` is a key of another distribution"),
-        ("\"p\": 0.5", "\"p\": 2", "`start_positions.p` is 2, but must be a number from 0 to 1"),
-        (
-            "\"surrounded_and_reflect\"",
-            "\"reflect_position\"",
-            "`start_positions.p` is a key of another distribution",
-        ),
-        (
-            "\"attack_nearest\"",
-            "\"nearest\"",
-            "`opponent` is \"nearest\", but must be one of attack_move, attack_nearest",
-        ),
-        (
-            "\"use_unit_ranges\": true",
-            "\"prob_obs_enemy\": 1.5",
-            "`smacv2.prob_obs_enemy` is 1.5, but must be a number from 0 to 1",
-        ),
-        ("\"use_unit_ranges\": true", "\"use_ranges\": true", "unknown key `smacv2.use_ranges`"),
-        ("\"use_unit_ranges\": true", "\"obs_starcraft\": false", "leaves nothing to observe"),
-        ("\"use_unit_ranges\": true", "\"reward_win\": -1000", "`reward_win` must be at least 0"),
-        (
-            "\"use_unit_ranges\": true",
-            "\"health\": {\"lower_bound\": 1, \"upper_bound\": 0}",
-            "`lower_bound` that is at most `upper_bound`",
-        ),
-        (
-            "\"use_unit_ranges\": true",
-            "\"health\": {\"lower_bound\": 1, \"upper_bound\": 1}",
-            "`smacv2.health` must have a `lower_bound` below 1",
-        ),
-        ("\"MEDIVAC\": 2", "\"MARINES\": 2", "did you mean `MARINE`?"),
-    ] {
-        let problems = generated_problems(from, to);
-        assert!(problems.contains(expected), "{to}: {problems:?} does not contain {expected:?}");
+    for row in messages::rows("Generated scenarios") {
+        let problems = generated_problems(&messages::code(&row[0]), &messages::code(&row[1]));
+        let (_, message) = problems.split_once(".json:").expect(&row[2]);
+        assert_eq!(message, row[2], "{}", row[1]);
     }
     let types = "\"unit_types\": [\"MARINE\", \"MARAUDER\", \"MEDIVAC\"]";
     let all = &*format!("\"distribution\": \"all_teams\", {types} }}, \"x\": {{");

@@ -519,7 +519,7 @@ def test_the_editor_needs_no_program(browser: Any, tmp_path: Path) -> None:
         field = editor.field("groups", 1, "units", "MARINE")
         editor.page.click(".groups .group >> nth=1")
         field.fill("0")
-        editor.wait_for_state("1 problem")
+        editor.wait_for_state("2 problems")
         field.fill("2")
         editor.wait_for_state("Valid")
         editor.page.click("#play")

@@ -1,8 +1,7 @@
 //! `smaclite-pool edit`: the scenario editor, a page in the browser.
 
 use crate::web::editor::{Editor, Start};
-use crate::web::playground::Playground;
-use crate::web::{PLAYGROUND_PATH, ServeOptions, serve};
+use crate::web::{ServeOptions, serve};
 use crate::{CommandResult, completions};
 use clap::Args;
 
@@ -24,7 +23,6 @@ pub(super) struct Edit {
 impl Edit {
     pub(super) fn run(self) -> CommandResult {
         let start = self.file.as_deref().map_or(Ok(Start::New), Start::of)?;
-        let playground = Playground::of_editor()?;
-        serve(&self.serve, vec![("/", Box::new(Editor::new(start))), (PLAYGROUND_PATH, Box::new(playground))])
+        serve(&self.serve, Editor::new(start))
     }
 }

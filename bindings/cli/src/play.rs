@@ -3,9 +3,8 @@
 use crate::check::warn_of;
 use crate::number::seed;
 use crate::opponent::OpponentOption;
-use crate::web::editor::{Editor, Start};
 use crate::web::playground::Playground;
-use crate::web::{EDITOR_PATH, ServeOptions, serve};
+use crate::web::{ServeOptions, serve};
 use crate::zoo::team_files;
 use crate::{CommandResult, completions};
 use clap::Args;
@@ -76,8 +75,6 @@ impl Play {
             "rules": if setup.rules == of_map.rules { String::new() } else { setup.rules.to_string() },
             "taken": (0..arena.sizes().n_agents).collect::<Vec<_>>(),
         });
-        let page = Playground::of_battle(teams, first)?;
-        let editor = Editor::new(Start::New);
-        serve(&self.serve, vec![("/", Box::new(page)), (EDITOR_PATH, Box::new(editor))])
+        serve(&self.serve, Playground::of_battle(teams, first)?)
     }
 }

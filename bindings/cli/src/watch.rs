@@ -1,7 +1,6 @@
 //! `smaclite-pool watch`: a page in the browser that shows the battles of a running pool.
 
 use crate::list::given_or_only_pool;
-use crate::web::editor::{Editor, Start};
 use crate::web::live::Live;
 use crate::web::{ServeOptions, serve};
 use crate::{CommandResult, completions, runtime_dir};
@@ -36,8 +35,6 @@ impl Watch {
             Some(lane) => return Err(ControlError::NoSuchLane { lane, lanes }.into()),
             None => lanes.swap_remove(0), // a pool has a lane
         };
-        let live = Live::new(runtime_dir, pool, lane);
-        let editor = Editor::new(Start::New);
-        serve(&self.serve, vec![("/", Box::new(live)), ("/edit/", Box::new(editor))])
+        serve(&self.serve, Live::new(runtime_dir, pool, lane))
     }
 }

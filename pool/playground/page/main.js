@@ -68,7 +68,8 @@ export async function startPlayground(engine, { teams, first, other, has_fog: ha
   page.reveal(hasFog);
   byId("share").hidden = !canShare;
   byId("edit").addEventListener("click", () => page.enqueue(() => edit(page, other)));
-  page.note(note ?? GUIDES[isTouch() ? "touch" : "mouse"]);
+  if (new URLSearchParams(location.hash.slice(1)).has("play")) page.toggle();
+  else page.note(note ?? GUIDES[isTouch() ? "touch" : "mouse"]);
   page.warn();
   listenToFiles({
     replay: (name, bytes) => page.enqueue(() => page.openReplay(name, bytes)),
@@ -89,7 +90,6 @@ export async function startPlayground(engine, { teams, first, other, has_fog: ha
       }),
     fail: (error) => page.fail(error),
   });
-  if (new URLSearchParams(location.hash.slice(1)).has("play")) page.toggle();
   addEventListener("hashchange", () =>
     page.enqueue(async () => {
       try {

@@ -13,7 +13,6 @@ mod protocol;
 mod simulation;
 
 pub(crate) use page::{Closed, Page};
-pub(crate) use pages::{EDITOR_PATH, PLAYGROUND_PATH};
 
 use crate::CommandResult;
 use crate::number::whole;
@@ -28,7 +27,10 @@ use axum::response::{Html, IntoResponse, Response};
 use axum::routing::get;
 use clap::Args;
 use connections::{Connections, Visitor};
+use editor::{Editor, Start};
 use guard::Guard;
+use pages::{EDITOR_PATH, PLAYGROUND_PATH};
+use playground::Playground;
 use std::fs::File;
 use std::io::Write;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
@@ -72,9 +74,14 @@ pub(crate) trait App: Send + Sync + 'static {
     fn run(&self, page: Page);
 }
 
-/// Prints the URL and serves apps, each at a path that ends in `/`, until SIGINT or SIGTERM. Returns after
-/// every [`App::run`] has, unless one takes too long.
-pub(crate) fn serve(options: &ServeOptions, apps: Vec<(&'static str, Box<dyn App>)>) -> CommandResult {
+/// Prints the URL and serves an app, and beside it the editor and the playground, to which pages lead, until SIGINT
+/// or SIGTERM. Returns after every [`App::run`] has, unless one takes too long.
+pub(crate) fn serve(options: &ServeOptions, app: impl App) -> CommandResult {
+    let apps: [(&'static str, Box<dyn App>); 3] = [
+        ("/", Box::new(app)),
+        (EDITOR_PATH, Box::new(Editor::new(Start::New))),
+        (PLAYGROUND_PATH, Box::new(Playground::beside_editor()?)),
+    ];
     let address = SocketAddr::new(options.host, options.port);
     let listener =
         TcpListener::bind(address).map_err(|error| format!("cannot listen on {address}: {error}"))?;

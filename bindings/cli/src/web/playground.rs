@@ -44,8 +44,8 @@ impl Playground {
         Ok(Playground(Document::Playground { teams, first, has_fog: true, can_share: false }))
     }
 
-    /// That of the editor, in which a team plays the agents.
-    pub(crate) fn of_editor() -> Result<Playground, Box<dyn std::error::Error>> {
+    /// What plays the scenarios of the editor: a team has the agents.
+    pub(super) fn beside_editor() -> Result<Playground, Box<dyn std::error::Error>> {
         let teams = vec![team_files(Path::new("zoo:all-maps"), "all-maps")?];
         Ok(Playground(Document::Playground { teams, first: json!({}), has_fog: false, can_share: false }))
     }

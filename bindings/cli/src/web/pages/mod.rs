@@ -11,8 +11,8 @@ pub(super) const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline';
     img-src data:; connect-src 'self'; frame-src 'self'";
 
 /// Where the playground is beside the editor, and the editor beside the playground.
-pub(crate) const PLAYGROUND_PATH: &str = "/play/";
-pub(crate) const EDITOR_PATH: &str = "/edit/";
+pub(super) const PLAYGROUND_PATH: &str = "/play/";
+pub(super) const EDITOR_PATH: &str = "/edit/";
 
 macro_rules! modules {
     ($($path:literal),+ $(,)?) => {
