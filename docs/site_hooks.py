@@ -147,8 +147,8 @@ def playground() -> str:
 def editor() -> str:
     """Where the editor is on the site, if it is."""
     if not EDITOR.exists():
-        return "on the documentation site it is a page of its own (`just playground` makes it)"
-    return "[it is a page of this site](../../playground/editor.html), which saves by download"
+        return "The documentation site has it as a page of its own (`just playground` makes it)."
+    return "Without an installation, it is [a page of this site](../playground/editor.html), which saves by download."
 
 
 def run(*command: str) -> str:

@@ -195,6 +195,12 @@ def test_a_scenario_is_edited_played_and_saved(browser: Any, file: Path) -> None
         editor.wait(lambda: battle.locator("#result").inner_text() in ends)
         assert battle.locator("#seed").input_value() == "3"
         assert "starcraft" in battle.locator("#facts").inner_text()
+        # The key that ends drawing in the battle does not leave it.
+        battle.locator("#battle").press("p")
+        battle.locator("body.painting").wait_for()
+        editor.page.keyboard.press("Escape")
+        battle.locator("body:not(.painting)").wait_for()
+        assert editor.page.is_visible("#arena")
         editor.page.keyboard.press("Escape")
         editor.wait(lambda: not editor.page.is_visible("#arena"))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import json
 import re
 import signal
 import socket
@@ -13,6 +14,7 @@ from typing import Any
 
 import pytest
 
+from play import duel
 from test_page import PROGRAM, Page, browser, pytestmark
 
 __all__ = ["browser", "pytestmark"]  # a fixture and marks that pytest finds here
@@ -334,4 +336,32 @@ def test_a_trained_team_plays_the_enemies(browser: Any, tmp_path: Path) -> None:
         page.page.click("#release")
         page.wait(lambda: "you play" not in page.text("#result"))
         page.press("Space")
+        page.wait(lambda: page.is_over)
+
+
+def test_orders_stay_when_another_agent_gets_one_at_an_earlier_step(browser: Any) -> None:
+    """The battle is begun again there, and all orders were forgotten."""
+    with PlayPage(browser, "3m") as page:
+        page.press("0")
+        page.command_to(2, 15.6)
+        page.one_step()
+        page.one_step()
+        page.press("Escape", "Shift+ArrowLeft")
+        assert page.step == 1
+        page.press("1", "ArrowDown")
+        x, y = page.place(0, 0)
+        for _ in range(3):
+            page.one_step()
+        assert page.place(0, 0)[0] < x - 2 and abs(page.place(0, 0)[1] - y) < 1
+
+
+def test_a_scenario_that_no_trained_team_reads_is_played(browser: Any, tmp_path: Path) -> None:
+    """The page did not start: the team that plays every map cannot tell types apart that have no numbers."""
+    scenario = duel(allies=2)
+    scenario["groups"][0]["units"] = {"ZEALOT": 1, "STALKER": 1}
+    file = tmp_path / "duel.json"
+    file.write_text(json.dumps(scenario))
+    with PlayPage(browser, str(file)) as page:
+        assert page.page.input_value("#team") == "nearest"
+        page.press("Control+a", "a", "Space", *"+" * 4)
         page.wait(lambda: page.is_over)

@@ -466,11 +466,12 @@ def test_files_are_opened(browser: Any, tmp_path: Path) -> None:
 
 
 def test_the_scenario_of_a_battle_is_edited(browser: Any) -> None:
-    with Playground(browser, "scenario=MMM") as page:
+    with Playground(browser, "scenario=MMM&rules=paper&seed=4") as page:
         with page.context.expect_page() as opened:
             page.page.click("#edit")
         editor = opened.value
         editor.wait_for_selector("#state:text-is('Valid')")
+        assert (editor.input_value("#rules"), editor.input_value("#seed")) == ("paper", "4")
         assert editor.inner_text("h1") == "MMM" and "10 agents" in editor.inner_text("#summary")
         editor.close()
         page.requests = [url for url in page.requests if "editor.html" not in url]

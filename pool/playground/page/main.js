@@ -5,6 +5,7 @@ import { titleCase } from "#view/battle.js";
 import { byId, isTouch } from "#view/dom.js";
 import { theme } from "#view/theme.js";
 import { DEFAULT_TEAM, teamFor } from "./choices.js";
+import { EngineLost } from "./engine.js";
 import { listenToFiles } from "./files.js";
 import { base64, battleOf, linkOf } from "./link.js";
 import { Playground } from "./playground.js";
@@ -43,12 +44,14 @@ async function battleOfLink({ teams, policies }, defaults, link) {
     { scenario, seed, opponent, rules } = battle;
   const names = [...policies, ...teams.map(({ name }) => name)];
   const asked = battle.team || teamFor(teams, scenario),
-    team = names.includes(asked) ? asked : DEFAULT_TEAM;
+    team = names.includes(asked) ? asked : DEFAULT_TEAM,
+    isAsked = battle.team !== "";
   const note =
     team === asked ? null : `This page has no team "${asked}"; ${titleCase(team)} plays on instead.`;
   return {
     ...battle,
     team,
+    isAsked,
     note,
     source: /** @type {const} */ ({ kind: "scenario", scenario, seed, opponent, rules }),
   };
@@ -64,11 +67,12 @@ export async function startPlayground(engine, { teams, first, other, has_fog: ha
   for (const team of teams) await engine.request({ type: "add_team", ...team });
   const choices = await engine.request({ type: "get_choices" }),
     defaults = { ...FIRST, ...first };
-  const { page, note } = await firstPage(engine, choices, defaults);
+  const { page, note, isRefused } = await firstPage(engine, choices, defaults);
   page.reveal(hasFog);
+  page.lent = new Set(teams.map(({ name }) => name));
   byId("share").hidden = !canShare;
   byId("edit").addEventListener("click", () => page.enqueue(() => edit(page, other)));
-  if (new URLSearchParams(location.hash.slice(1)).has("play")) page.toggle();
+  if (new URLSearchParams(location.hash.slice(1)).has("play") && !isRefused) page.toggle();
   else page.note(note ?? GUIDES[isTouch() ? "touch" : "mouse"]);
   page.warn();
   listenToFiles({
@@ -94,11 +98,11 @@ export async function startPlayground(engine, { teams, first, other, has_fog: ha
     page.enqueue(async () => {
       try {
         const link = location.hash.slice(1);
-        const { source, team, actions, taken, note } = await battleOfLink(choices, defaults, link);
-        await page.begin(source, team, actions, taken);
-        if (note) page.note(note);
+        const battle = await battleOfLink(choices, defaults, link);
+        await byTeamThatCan(battle, (team) => page.begin(battle.source, team, battle.actions, battle.taken));
+        if (battle.note) page.note(battle.note);
       } catch (error) {
-        throw refusal(error);
+        throw error instanceof EngineLost ? error : refusal(error);
       }
     }),
   );
@@ -112,7 +116,23 @@ export async function startPlayground(engine, { teams, first, other, has_fog: ha
  */
 async function edit(page, editor) {
   const link = await linkOf({ ...page.shared, actions: [], taken: [] });
-  open(`${editor}${location.search}#${link}`);
+  if (!open(`${editor}${location.search}#${link}`))
+    page.note("The browser opens no other tab from here; allow it for this page.");
+}
+
+/**
+ * Begins a battle with its team; if nobody asked for that one and it cannot play the scenario, with a script.
+ * @template T
+ * @param {{ team: string, isAsked: boolean }} battle
+ * @param {(team: string) => Promise<T>} begin
+ */
+async function byTeamThatCan({ team, isAsked }, begin) {
+  try {
+    return await begin(team);
+  } catch (error) {
+    if (isAsked || team === DEFAULT_TEAM) throw error;
+    return await begin(DEFAULT_TEAM).catch(() => Promise.reject(error));
+  }
 }
 
 /**
@@ -131,17 +151,20 @@ const refusal = (error) =>
 async function firstPage(engine, choices, defaults) {
   /** @param {string} link */
   const open = async (link) => {
-    const { source, team, actions, taken, note } = await battleOfLink(choices, defaults, link);
-    const begun = await engine.request({ type: "begin_battle", of: source, team, actions, taken });
-    const page = new Playground(engine, choices, source, team, begun);
-    page.start(taken);
-    return { page, note };
+    const battle = await battleOfLink(choices, defaults, link),
+      { source, actions, taken, note } = battle;
+    return await byTeamThatCan(battle, async (team) => {
+      const begun = await engine.request({ type: "begin_battle", of: source, team, actions, taken });
+      const page = new Playground(engine, choices, source, team, begun);
+      page.start(taken);
+      return { page, note, isRefused: false };
+    });
   };
   try {
     return await open(location.hash.slice(1));
   } catch (error) {
     const first = await open("");
     first.page.fail(refusal(error));
-    return first;
+    return { ...first, isRefused: true };
   }
 }

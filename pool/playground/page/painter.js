@@ -158,11 +158,13 @@ export class Painter {
       before = squaresOf(page.info).blocked;
     if (!stroke?.map.blocked.some((square, i) => square !== before[i])) return this.giveUp();
     const rows = rowsOf(stroke.map);
+    this.stroke = null; // it stays on the map until the battle has begun anew
     page.enqueue(async () => {
       const past = [...(this.canUndo ? this.past : []), page.shared.scenario];
       if (await page.change(async () => (await page.engine.request({ type: "paint_map", rows })).scenario))
         Object.assign(this, { past, newest: page.shared.scenario });
-      this.giveUp();
+      else page.arena.showMap(squaresOf(page.info));
+      this.show();
     });
   }
 

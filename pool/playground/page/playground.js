@@ -16,7 +16,7 @@ import { Painter } from "./painter.js";
 import { PlaygroundView } from "./playground_view.js";
 import { save, share, sharedOf } from "./share.js";
 
-/** @import { AgentOrder, EpisodeResult, ScenarioInfo } from "#view/data.d.ts" */
+/** @import { AgentOrder, EpisodeResult, Order, ScenarioInfo } from "#view/data.d.ts" */
 /** @import { Engine } from "./engine.js" */
 /** @import { SharedBattle } from "./link.js" */
 /** @import { BegunBattle, Choices, PlayedSteps, Source } from "./protocol.d.ts" */
@@ -44,6 +44,10 @@ export class Playground extends Commander {
     this.pending = 0;
     /** Whether what no agent sees is hidden until the end. */
     this.hasFog = false;
+    /** @type {Set<string>} The teams that the page began with, which every such page has. */
+    this.lent = new Set();
+    /** @type {Map<number, Order[]>} The orders that held after a step. */
+    this.ordersAfter = new Map();
     this.source = source;
     this.team = team;
     this.begun = begun;
@@ -190,8 +194,10 @@ export class Playground extends Commander {
     this.seen = 0;
     this.result = null;
     this.arena.taken = new Set(taken);
+    this.ordersAfter.clear();
     this.show(new Track(this.begun.scenario));
     this.append(this.begun.played);
+    this.view.area = this.taken.size ? this.startArea() : null;
     this.selected();
   }
 
@@ -210,12 +216,29 @@ export class Playground extends Commander {
     this.steps = step + steps;
     this.episodeReturn = played.return;
     this.result = played.result;
-    this.field.orders = played.orders;
+    this.holdOrders(played.orders);
     this.clock.end = track.last;
     this.clock.isOpen = this.isLive || this.isPlayedAhead;
     // The map shows wherever the team will go, unless a person has moved it.
     if (!this.taken.size && this.view.isFitted) this.view.camera = null;
     this.redraw();
+  }
+
+  /**
+   * The orders that hold after the last step.
+   * @param {Order[]} orders
+   */
+  holdOrders(orders) {
+    this.field.orders = orders;
+    this.ordersAfter.set(this.steps, orders);
+  }
+
+  /**
+   * Of the whole battle, if it has a limit and is not played ahead.
+   * @param {Track} track
+   */
+  stepsOf(track) {
+    return (this.isLive && this.info.episode_limit) || super.stepsOf(track);
   }
 
   /** @param {number} steps */
@@ -233,9 +256,14 @@ export class Playground extends Commander {
    * @param {Omit<SharedBattle, "actions" | "taken">} choice
    */
   async choose({ scenario, team, opponent, rules, seed }) {
+    const isSame = scenario === this.shared.scenario,
+      hadAll = this.taken.size === this.info.n_agents,
+      taken = isSame ? [...this.taken] : [];
     try {
-      await this.begin({ kind: "scenario", scenario, seed, opponent, rules }, team);
+      await this.begin({ kind: "scenario", scenario, seed, opponent, rules }, team, [], taken);
       this.episodes.clear();
+      // Who plays all agents plays all of another map.
+      if (hadAll && !isSame) await this.take(Array.from({ length: this.info.n_agents }, (_, agent) => agent));
       return true;
     } catch (error) {
       this.fail(error);
@@ -259,8 +287,13 @@ export class Playground extends Commander {
   resume() {
     this.enqueue(async () => {
       const { time } = this.clock,
-        { source, team } = this;
-      await this.begin(source, team, this.actions, [...this.taken]);
+        { source, team, goesOn } = this,
+        orders = this.ordersAfter.get(this.steps) ?? [];
+      // The page does not know what played the enemies of a replay that is only shown.
+      const actions = this.begun.is_playable ? this.actions : null;
+      await this.begin(source, team, actions, [...this.taken]);
+      this.goesOn = goesOn;
+      await this.giveAgain(orders);
       this.seek(time);
     });
   }
@@ -274,9 +307,19 @@ export class Playground extends Commander {
     this.enqueue(async () => {
       await this.cut();
       await this.take([...this.taken, ...orders.map(({ agent }) => agent)]);
-      this.field.orders = (await this.engine.request({ type: "give_orders", orders })).orders;
+      this.holdOrders((await this.engine.request({ type: "give_orders", orders })).orders);
       this.redraw();
     });
+  }
+
+  /**
+   * Gives the orders that held, in a battle that was begun again.
+   * @param {Order[]} held
+   */
+  async giveAgain(held) {
+    const all = held.map((order, agent) => ({ agent, order })),
+      orders = all.filter(({ agent, order }) => this.taken.has(agent) && order.type !== "none");
+    if (orders.length) this.holdOrders((await this.engine.request({ type: "give_orders", orders })).orders);
   }
 
   handlers() {
@@ -319,17 +362,18 @@ export class Playground extends Commander {
     this.goesOn = true;
     if (step >= this.steps) return;
     const { source, team, clock, view } = this,
-      { time, playing } = clock,
       { camera, isFitted } = view,
       actions = this.actions.slice(0, step * this.info.n_agents),
-      taken = [...this.taken];
+      taken = [...this.taken],
+      orders = this.ordersAfter.get(step) ?? [];
     this.begun = await this.engine.request({ type: "begin_battle", of: source, team, actions, taken });
-    const selected = [...this.field.selection.units];
+    const selected = [...this.field.selection.units],
+      { time } = clock;
     this.restart(taken);
     Object.assign(this.view, { camera, isFitted });
     this.field.selection.take(selected, false);
     clock.seek(time);
-    clock.playing = playing;
+    await this.giveAgain(orders);
   }
 
   /** @param {number[]} agents */
@@ -447,7 +491,15 @@ export class Playground extends Commander {
   key(event) {
     // What is chosen or typed is no command.
     const isChoice = event.target instanceof HTMLElement && event.target.closest("#choices");
+    // The editor shows this page in a frame, which may be a page from a folder, of which it sees nothing else.
+    if (event.key === "Escape" && this.isIdle && parent !== window) parent.postMessage("leave", "*");
     if (!isChoice && !this.painter.key(event)) super.key(event);
+  }
+
+  /** Whether there is nothing that a key could end. */
+  get isIdle() {
+    const isSelected = this.field.selection.units.size > 0 || this.view.selected >= 0;
+    return !isSelected && !this.painter.isOn && !byId("keys").open;
   }
 
   /** @param {string} key */

@@ -6,7 +6,7 @@ import { linkOf, through } from "./link.js";
 
 /** @import { Engine } from "./engine.js" */
 /** @import { SharedBattle } from "./link.js" */
-/** @import { BegunBattle, Source } from "./protocol.d.ts" */
+/** @import { BegunBattle, Choices, Source } from "./protocol.d.ts" */
 /**
  * A battle, and the page that says what became of it.
  * @typedef {object} Shown
@@ -15,6 +15,8 @@ import { linkOf, through } from "./link.js";
  * @property {Omit<SharedBattle, "actions" | "taken">} shared
  * @property {number[]} actions
  * @property {Set<number>} taken
+ * @property {Set<string>} lent
+ * @property {{ choices: Choices }} choices
  * @property {(text: string) => void} note
  * @property {(error: unknown) => void} fail
  */
@@ -38,6 +40,10 @@ export function sharedOf({ source, team, begun }) {
  */
 export async function share(page) {
   if (page.source.kind !== "scenario") return page.note("Save this replay to share it.");
+  const { opponent } = page.source,
+    isScript = !opponent || page.choices.choices.opponents.includes(opponent);
+  if (!isScript && !page.lent.has(opponent))
+    return page.note(`Save this battle to share it: a link does not have the team "${opponent}".`);
   const taken = [...page.taken].sort((a, b) => a - b);
   const link = await linkOf({ ...page.shared, actions: page.actions, taken });
   history.replaceState(null, "", `#${link}`);

@@ -1,5 +1,5 @@
-//! The battle that a page shows: a team plays the agents, but for those that a person has taken over, and scripts
-//! or another team play the enemies. Every step is recorded, and encoded for the page.
+//! The battle that a page shows: a team plays the agents, but for those that a person has taken over, and
+//! scripts or another team play the enemies. Every step is recorded, and encoded for the page.
 
 use crate::game::{Game, GameError};
 use crate::protocol::{PlayedSteps, ReplayFile};
@@ -120,8 +120,8 @@ impl PlayedBattle {
         Ok(self.orders.current())
     }
 
-    /// Plays these joint actions; a team that plays the enemies chooses its own. Those from the start on come with
-    /// the moment there.
+    /// Plays these joint actions; a team that plays the enemies chooses its own. Those from the start on come
+    /// with the moment there.
     pub fn play_actions(&mut self, actions: &[u16]) -> Result<PlayedSteps, BattleError> {
         let sizes = self.game.arena.sizes();
         let per_step = if self.enemies.is_some() { sizes.n_agents } else { sizes.n_actors() };

@@ -77,8 +77,8 @@ pub enum EngineOf<'a> {
 }
 
 impl Page {
-    /// The page as HTML. `other` is the address of the other page: the playground plays what is edited, the editor
-    /// edits what is played.
+    /// The page as HTML. `other` is the address of the other page: the playground plays what is edited, the
+    /// editor edits what is played.
     pub fn html(&self, engine: EngineOf<'_>, policy: &str, other: &str) -> String {
         let (code, modules) = match engine {
             EngineOf::Page(code) => (Some(code), &[][..]),

@@ -48,8 +48,8 @@ pub(crate) struct Game {
 }
 
 impl Game {
-    /// A battle of a scenario or of the opened replay, at its start. In that of a scenario a team may play the
-    /// enemies.
+    /// A battle of a scenario or of the opened replay, at its start. In that of a scenario a team may play
+    /// the enemies.
     pub fn begin(
         source: &Source,
         replay: Option<&Replay>,

@@ -1,5 +1,6 @@
-//! Makes the pages of the playground and of the editor, `battle.html` and `editor.html` in a folder: documents with
-//! the engine and the scripts inside, the playground also with trained teams, so that they work without a network.
+//! Makes the pages of the playground and of the editor, `battle.html` and `editor.html` in a folder:
+//! documents with the engine and the scripts inside, the playground also with trained teams, so that they
+//! work without a network.
 //!
 //!     smaclite-playground ENGINE.wasm FOLDER [TEAM...]
 //!

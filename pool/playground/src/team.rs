@@ -152,14 +152,14 @@ impl Team {
                 Rc::new(player.map_err(other)?)
             }
         };
-        self.check(&player, &game.arena, side)?;
+        self.check(&player, game, side)?;
         Ok(player)
     }
 
-    fn check(&self, player: &TeamOnScenario, arena: &Arena, side: Faction) -> Result<(), TeamError> {
-        let given = with_history(arena.sizes_of(side), player.last_actions);
+    fn check(&self, player: &TeamOnScenario, game: &Game, side: Faction) -> Result<(), TeamError> {
+        let given = with_history(game.arena.sizes_of(side), player.last_actions);
         let shape = |sizes: Sizes| (sizes.n_agents, sizes.n_actions, sizes.obs_size);
-        if shape(player.sizes) == shape(given) {
+        if shape(player.sizes) == shape(given) && (side == Faction::Ally || has_equal_sides(&game.scenario)) {
             return Ok(());
         }
         let in_words = |Sizes { n_agents, n_actions, obs_size, .. }: Sizes| {
@@ -170,7 +170,8 @@ impl Team {
         let given = match side {
             Faction::Ally => format!("agents of this scenario are {}", in_words(given)),
             Faction::Enemy => format!(
-                "enemies of this scenario are {}; a team plays the enemies only of scenarios whose two sides are equal",
+                "enemies of this scenario are {}; a team plays the enemies only of scenarios whose two sides \
+                 are equal",
                 in_words(given)
             ),
         };
@@ -252,6 +253,14 @@ impl TeamOnScenario {
             }
         }
     }
+}
+
+/// Whether the enemies have the units of the agents, in the same order. Drawn teams have the same types.
+fn has_equal_sides(scenario: &Scenario) -> bool {
+    let of = |side| scenario.units.iter().filter(move |unit| unit.faction == side).map(|unit| unit.unit_type);
+    let is_drawn = scenario.generation.is_some();
+    scenario.ally_has_shields == scenario.enemy_has_shields
+        && (is_drawn || of(Faction::Ally).eq(of(Faction::Enemy)))
 }
 
 /// No weights fit if the history is longer than any memory.

@@ -17,7 +17,7 @@ mod replay;
 pub use moment::{Attack, AttackKind, Moment, Observer, UnitMoment};
 pub use orders::{AgentOrder, Order, OrderError, Orders};
 pub use page::export_html;
-pub use picture::{Cell, EncodeError, Picture, Sheet, SizeError, write_apng, write_gif};
+pub use picture::{Cell, EncodeError, Picture, Sheet, SizeError, write_gif};
 pub use render::{Options, RECENT_TICKS, Renderer, Theme, View, type_letters};
 pub use replay::{
     Episode, EpisodeResult, MAX_FILE_BYTES, MAX_JSON_BYTES, Outcome, PlayedStep, Player, Recorder, Replay,

@@ -5,7 +5,7 @@ use super::super::picture::write_file;
 use super::super::snapshot;
 use smaclite_scenarios::Scenario;
 use smaclite_units::file::os::{partial_file, partial_folder};
-use smaclite_view::{Moment, Options, Picture, Renderer, write_apng, write_gif};
+use smaclite_view::{Moment, Options, Picture, Renderer, write_gif};
 use std::io::{ErrorKind, Write};
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -17,8 +17,6 @@ pub(super) enum Format {
     Page,
     /// An animated GIF.
     Gif,
-    /// An animated PNG.
-    Apng,
     /// A film, by ffmpeg.
     Mp4,
     /// A folder of PNG files.
@@ -28,10 +26,7 @@ pub(super) enum Format {
 }
 
 #[derive(Debug, thiserror::Error)]
-#[error(
-    "--to must end in .html, .gif, .apng, .png, .mp4 or .snapshot, or be a new folder without a suffix, got \
-     `{0}`"
-)]
+#[error("--to must end in .html, .gif, .mp4 or .snapshot, or be a new folder without a suffix, got `{0}`")]
 pub(super) struct UnknownSuffix(String);
 
 impl Format {
@@ -40,7 +35,6 @@ impl Format {
         match path.extension().map(|suffix| suffix.to_string_lossy()).as_deref() {
             Some("html") => Ok(Format::Page),
             Some("gif") => Ok(Format::Gif),
-            Some("apng" | "png") => Ok(Format::Apng),
             Some("mp4") => Ok(Format::Mp4),
             Some(snapshot::SUFFIX) => Ok(Format::Snapshot),
             None if path.file_name().is_some() => Ok(Format::Frames),
@@ -53,7 +47,6 @@ impl Format {
         match self {
             Format::Page => "a page, which plays all episodes",
             Format::Gif => "a GIF",
-            Format::Apng => "an animated PNG",
             Format::Mp4 => "an MP4 file",
             Format::Frames => "a folder of pictures",
             Format::Snapshot => "a snapshot",
@@ -77,7 +70,6 @@ pub(super) fn write(
     let frames = (0..n_frames).map(draw);
     match format {
         Format::Gif => write_file(to, |output| write_gif(output, frames, fps)),
-        Format::Apng => write_file(to, |output| write_apng(output, frames, fps)),
         Format::Mp4 => write_mp4(to, options, frames, fps),
         Format::Frames => write_folder(to, (0..moments.len()).map(draw)),
         Format::Page | Format::Snapshot => Err(format!("{} is not made of frames", format.name()).into()),
@@ -117,7 +109,7 @@ fn write_mp4(to: &Path, options: Options, frames: impl Iterator<Item = Picture>,
     let child = command.arg(file).stdin(Stdio::piped()).stdout(Stdio::null()).spawn();
     let mut child = child.map_err(|error| match error.kind() {
         ErrorKind::NotFound => "an MP4 file needs the program ffmpeg, which is not installed; \
-            install it, or choose .gif, .apng or .html"
+            install it, or choose .gif or .html"
             .to_owned(),
         _ => format!("ffmpeg: {error}"),
     })?;

@@ -21,7 +21,7 @@ Examples:
 pub(super) struct Replay {
     /// The replay file
     file: PathBuf,
-    /// What to write: NAME.html (a page with all episodes), NAME.gif, NAME.apng or NAME.png (animations),
+    /// What to write: NAME.html (a page with all episodes), NAME.gif (an animation),
     /// NAME.mp4 (needs ffmpeg), a new folder for one PNG file per tick, or NAME.snapshot (the state before a
     /// step, from which battles branch); a file of that name is replaced
     #[arg(long, value_name = "OUT")]

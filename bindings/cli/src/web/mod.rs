@@ -45,9 +45,6 @@ use tokio::time::timeout;
 /// Pages that can be open at the same time.
 const MAX_PAGES: usize = 16;
 
-/// Bytes of the longest message of a page; a scenario with its unit files fits.
-const MAX_MESSAGE: usize = 1 << 22;
-
 /// How long to wait for open pages at the end: one may wait for a response of a pool that is stopped.
 const MOST_WAIT: Duration = Duration::from_secs(3);
 
@@ -70,12 +67,17 @@ pub(crate) trait App: Send + Sync + 'static {
     /// The HTML document, which loads nothing but the WebSocket.
     fn document(&self) -> String;
 
+    /// Bytes of the longest message of a page; a scenario with its unit files fits.
+    fn max_message(&self) -> usize {
+        1 << 22
+    }
+
     /// Serves one open page until it is closed. It runs on a separate thread and may block.
     fn run(&self, page: Page);
 }
 
-/// Prints the URL and serves an app, and beside it the editor and the playground, to which pages lead, until SIGINT
-/// or SIGTERM. Returns after every [`App::run`] has, unless one takes too long.
+/// Prints the URL and serves an app, and beside it the editor and the playground, to which pages lead, until
+/// SIGINT or SIGTERM. Returns after every [`App::run`] has, unless one takes too long.
 pub(crate) fn serve(options: &ServeOptions, app: impl App) -> CommandResult {
     let apps: [(&'static str, Box<dyn App>); 3] = [
         ("/", Box::new(app)),
@@ -151,7 +153,8 @@ async fn web_socket(State(served): State<Arc<Served>>, upgrade: Upgrade) -> Resp
         let text = format!("{MAX_PAGES} pages are open; close one\n");
         return (StatusCode::SERVICE_UNAVAILABLE, text).into_response();
     };
-    let upgrade = upgrade.0.max_message_size(MAX_MESSAGE).max_frame_size(MAX_MESSAGE);
+    let max_message = served.app.max_message();
+    let upgrade = upgrade.0.max_message_size(max_message).max_frame_size(max_message);
     upgrade.on_upgrade(async move |socket| {
         let ended = served.ended.clone();
         page::serve(socket, ended, move |page| served.app.run(page)).await;

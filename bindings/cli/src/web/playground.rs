@@ -56,6 +56,11 @@ impl App for Playground {
         pages::playground(&self.0)
     }
 
+    /// Replays and teams.
+    fn max_message(&self) -> usize {
+        1 << 26
+    }
+
     fn run(&self, page: Page) {
         let mut session = Session::default();
         while let Ok(Some(message)) = page.receive(None) {

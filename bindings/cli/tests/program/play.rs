@@ -21,7 +21,7 @@ fn what_cannot_be_played_is_an_error() {
 #[test]
 fn a_step_is_played_by_the_orders_of_the_page() {
     let place = Place::new();
-    let mut play = place.start("play 3m --against hold=0.5,random=0.5 --seed 4");
+    let mut play = place.start("play 3m --against random=0.5,hold=0.5 --seed 4");
     let url = Url::new(play.line().trim_end());
     let (_, document) = url.page();
     let data = document.split_once(r#"id="data">"#).expect("the data of the page").1;
@@ -39,7 +39,7 @@ fn a_step_is_played_by_the_orders_of_the_page() {
         json!({"kind": "scenario", "scenario": first["scenario"], "seed": "4", "opponent": "", "rules": ""});
     let begin =
         json!({"type": "begin_battle", "of": of, "team": "nearest", "actions": [], "taken": [0, 1, 2]});
-    assert_eq!(session(begin)["response"]["opponent"], "hold=0.5,random=0.5");
+    assert_eq!(session(begin)["response"]["opponent"], "random=0.5,hold=0.5");
     let to = json!({"type": "move", "x": 12.5, "y": 20.0});
     let given = session(json!({"type": "give_orders", "orders": [{"agent": 1, "order": to}]}));
     assert_eq!(given["response"]["orders"][1], to);

@@ -4,18 +4,13 @@ use crate::kit::{check_error, output};
 use std::fs;
 use std::path::Path;
 
-/// The sizes of all frames of a PNG file, which is decoded to its end.
-fn png_frames(file: &Path) -> Vec<(u32, u32)> {
+/// The size of a PNG file, which is decoded to its end.
+fn png_size(file: &Path) -> (u32, u32) {
     let file = fs::File::open(file).expect("the file");
     let mut reader = png::Decoder::new(std::io::BufReader::new(file)).read_info().expect("a PNG file");
-    let frames = reader.info().animation_control().map_or(1, |animation| animation.num_frames);
     let mut pixels = vec![0; reader.output_buffer_size().expect("a size")];
-    (0..frames)
-        .map(|_| {
-            let frame = reader.next_frame(&mut pixels).expect("a frame");
-            (frame.width, frame.height)
-        })
-        .collect()
+    let frame = reader.next_frame(&mut pixels).expect("a picture");
+    (frame.width, frame.height)
 }
 
 fn gif_frames(file: &Path) -> (u16, u16, usize) {
@@ -73,7 +68,7 @@ fn errors_are_printable_and_leave_old_files() {
     assert!(printed.contains("?[31mred?"), "{printed:?}");
     let printed = crate::kit::error(folder, "serve \u{1b}[2Jx=3m:1=", 1);
     assert!(!printed.contains('\u{1b}'), "{printed:?}");
-    for name in ["a.gif", "a.apng", "a.html", "a.png"] {
+    for name in ["a.gif", "a.html"] {
         fs::write(folder.join(name), "old").expect("a file");
         // Files of this process may not grow, as on a full disk.
         let limited = format!(
@@ -100,16 +95,11 @@ fn a_replay_becomes_pages_animations_and_pictures() {
     output(folder, &format!("replay 3m.smreplay --to frames {options}"));
     let n_frames = fs::read_dir(folder.join("frames")).expect("a folder").count();
     assert!(n_frames > 8 && n_frames % 8 == 1, "the start and 8 ticks per step, got {n_frames}");
-    assert_eq!(png_frames(&folder.join("frames/000.png")), [(80, 64)]);
+    assert_eq!(png_size(&folder.join("frames/000.png")), (80, 64));
 
     // The last frame stays for one second.
     output(folder, &format!("replay 3m.smreplay --to battle.gif --fps 4 {options}"));
     assert_eq!(gif_frames(&folder.join("battle.gif")), (80, 64, n_frames + 4));
-    for name in ["battle.apng", "battle.png"] {
-        output(folder, &format!("replay 3m.smreplay --to {name} {options}"));
-        let frames = png_frames(&folder.join(name));
-        assert_eq!((frames[0], frames.len()), ((80, 64), n_frames + 16), "{name}");
-    }
 }
 
 #[test]
@@ -175,8 +165,7 @@ fn what_cannot_be_replayed_is_an_error() {
     let (folder, _) = recorded();
     let folder = folder.path();
     let error = |arguments, status, expected| check_error(folder, arguments, status, expected);
-    let suffixes =
-        "--to must end in .html, .gif, .apng, .png, .mp4 or .snapshot, or be a new folder without a suffix";
+    let suffixes = "--to must end in .html, .gif, .mp4 or .snapshot, or be a new folder without a suffix";
     error("replay 3m.smreplay --to battle.avi", 1, suffixes);
     error("replay 3m.smreplay --to ..", 1, suffixes);
     error("replay 3m.smreplay --to battle.mp4", 1, "needs the program ffmpeg, which is not installed");
@@ -238,7 +227,7 @@ wall: 12 x 6 squares, episode limit none
 ";
     assert_eq!(printed, expected);
     output(folder, "show wall.json --png wall.png --size 96x48 --sight --range --ids --theme light");
-    assert_eq!(png_frames(&folder.join("wall.png")), [(96, 48)]);
+    assert_eq!(png_size(&folder.join("wall.png")), (96, 48));
 }
 
 #[test]
@@ -257,7 +246,7 @@ fn a_standard_scenario_is_shown() {
     let count = |text: &str| printed.matches(text).count();
     assert_eq!((count("S<"), count("Z<"), count("S>"), count("Z>")), (2, 3, 2, 3), "{printed}");
     output(folder.path(), "show 2s3z --png map.png");
-    assert_eq!(png_frames(&folder.path().join("map.png")), [(512, 512)]);
+    assert_eq!(png_size(&folder.path().join("map.png")), (512, 512));
     check_error(folder.path(), "show 2s3z --png map.jpg", 1, "--png must end in .png, got `map.jpg`");
     check_error(folder.path(), "show 2s3z --sight", 2, "--png");
     check_error(folder.path(), "show absent.json", 1, "absent.json");
@@ -268,7 +257,7 @@ fn all_standard_scenarios_are_shown_on_one_sheet() {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     output(folder, "show --all --png maps.png --size 64x48");
-    let [(width, height)] = png_frames(&folder.join("maps.png"))[..] else { panic!("one picture") };
+    let (width, height) = png_size(&folder.join("maps.png"));
     assert!(width > 6 * 64 && width < 7 * 64 && height > 4 * 48 && height < 8 * 48, "{width} x {height}");
     check_error(folder, "show --all", 2, "--png");
     check_error(folder, "show", 2, "SCENARIO");

@@ -77,11 +77,11 @@ fn the_page_is_for_those_who_know_the_token() {
         assert!(answered == status && response.contains(expected), "{request}: {response:.300}");
         for header in [
             "content-security-policy: default-src 'none'; script-src 'unsafe-inline'; \
-             style-src 'unsafe-inline'; img-src data:; connect-src 'self'\r\n",
+             style-src 'unsafe-inline'; img-src data:; connect-src 'self'; frame-src 'self'\r\n",
             "cache-control: no-store\r\n",
             "x-content-type-options: nosniff\r\n",
             "referrer-policy: no-referrer\r\n",
-            "content-security-policy: frame-ancestors http://localhost:* http://127.0.0.1:*\r\n",
+            "content-security-policy: frame-ancestors 'self' http://localhost:* http://127.0.0.1:*\r\n",
         ] {
             assert!(response.contains(header), "{request}: {header}: {response:.300}");
         }
@@ -131,7 +131,7 @@ fn requests_that_make_no_sense_are_refused() {
         ("follow", json!({"env": 0}), "select a lane first"),
         ("get_steps", json!({"number": 0, "step": 0}), "no environment is followed"),
         ("get_observation", json!({"number": 0, "step": 0, "agent": 0}), "no environment is followed"),
-        ("get_builtins", json!({}), "this request is one of another page"),
+        ("open_files", json!({}), "this request is one of another page"),
     ] {
         let error = page.error(name, request);
         assert!(error.contains(expected), "{name}: {error}");

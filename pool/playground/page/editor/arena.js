@@ -11,6 +11,11 @@ export class Arena {
   /** @param {EditorPage} page */
   constructor(page) {
     this.page = page;
+    // The playground says when a key was to leave it.
+    addEventListener("message", ({ data, source }) => {
+      const frame = byId("arena").querySelector("iframe");
+      if (data === "leave" && frame && source === frame.contentWindow) this.leave();
+    });
   }
 
   async play() {
@@ -40,21 +45,9 @@ export class Arena {
    */
   enter(address) {
     const frame = make("iframe", { title: "Battle", src: address });
-    frame.addEventListener("load", () => this.begin(frame));
+    frame.addEventListener("load", () => frame.contentWindow?.focus());
     byId("arena").append(frame);
     byId("arena").hidden = false;
-  }
-
-  /**
-   * Listens to the key that leaves the battle, which a page from a folder keeps for itself.
-   * @param {HTMLIFrameElement} frame
-   */
-  begin(frame) {
-    const inner = frame.contentDocument;
-    inner?.addEventListener("keydown", (event) => {
-      if (event.key === "Escape" && !inner.querySelector("dialog[open], .painting")) this.leave();
-    });
-    frame.contentWindow?.focus();
   }
 
   leave() {

@@ -298,7 +298,11 @@ export async function startEditor(engine, open, playground) {
   const handedOver = await filesOfLink(location.hash.slice(1), builtins),
     opened = await open(builtins);
   const page = new EditorPage(engine, builtins, opened, playground);
-  if (handedOver) page.load(handedOver);
   page.start();
+  if (handedOver) {
+    Object.assign(byId("seed"), { value: handedOver.seed });
+    Object.assign(byId("rules"), { value: handedOver.rules });
+    page.load(handedOver.files);
+  }
   return page;
 }

@@ -21,19 +21,22 @@ import { tell } from "./message.js";
  */
 
 /**
- * The files of the scenario that a link hands over, if it does.
+ * The files of the scenario that a link hands over, if it does, and the seed and rules with which it was played.
  * @param {string} link
  * @param {Builtins} builtins
- * @returns {Promise<ScenarioFiles | null>}
+ * @returns {Promise<{ files: ScenarioFiles, seed: string, rules: string } | null>}
  */
 export async function filesOfLink(link, builtins) {
-  const scenario = await scenarioOf(new URLSearchParams(link));
+  const keys = new URLSearchParams(link),
+    scenario = await scenarioOf(keys);
   if (!scenario) return null;
   const known = builtins.scenarios.find(({ name }) => name === scenario),
     text = known?.text ?? scenario;
   if (!isText(text)) throw new Error(`there is no scenario \`${scenario}\``);
-  const { files } = new JsonText(text).isObject ? JSON.parse(text) : { files: null };
-  return files ?? { source: `${nameOf(text) ?? "scenario"}.json`, text, unit_files: [] };
+  const setup = new JsonText(text).isObject ? JSON.parse(text) : {},
+    alone = { source: `${nameOf(text) ?? "scenario"}.json`, text, unit_files: [] };
+  const rules = keys.get("rules") || (setup.files && setup.rules) || builtins.rules[0];
+  return { files: setup.files ?? alone, seed: keys.get("seed") ?? "0", rules };
 }
 
 export class FileStore {

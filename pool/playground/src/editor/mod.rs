@@ -1,5 +1,5 @@
-//! What the scenario editor asks: what is built in, and what is wrong with the files that it edits. The page edits
-//! their texts; nothing of it is kept here. The files of a scenario travel as
+//! What the scenario editor asks: what is built in, and what is wrong with the files that it edits. The page
+//! edits their texts; nothing of it is kept here. The files of a scenario travel as
 //! [`ScenarioFiles`](smaclite_scenarios::ScenarioFiles).
 
 mod builtins;

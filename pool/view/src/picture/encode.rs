@@ -1,10 +1,10 @@
-//! PNG files, and what GIF and animated PNG have in common: checks of frames, and their durations.
+//! PNG files, and what animations need: checks of frames, and their durations.
 
 use std::io::Write;
 
-use png::{BitDepth, BlendOp, ColorType, Encoder};
+use png::{BitDepth, ColorType, Encoder};
 
-use super::{Area, Picture};
+use super::Picture;
 
 /// Why a picture or animation was not written.
 #[derive(Debug, thiserror::Error)]
@@ -67,65 +67,13 @@ impl Picture {
     /// # Errors
     /// [`EncodeError::Io`] if the output cannot be written.
     pub fn write_png(&self, output: impl Write) -> Result<(), EncodeError> {
-        let mut writer = encoder(output, self, ColorType::Rgb).write_header()?;
+        let mut encoder = Encoder::new(output, self.width, self.height);
+        encoder.set_color(ColorType::Rgb);
+        encoder.set_depth(BitDepth::Eight);
+        let mut writer = encoder.write_header()?;
         writer.write_image_data(&self.rgb)?;
         Ok(writer.finish()?)
     }
-}
-
-/// Writes an animated PNG, lossless, that repeats without end. `frame_rate` is in frames per second.
-///
-/// Browsers show it; programs that do not know animated PNGs show the first frame. After the first frame,
-/// only the rectangle that changes is written.
-///
-/// # Errors [`EncodeError`] if there are no frames, their sizes differ, the rate is not usable, or the output
-/// cannot be written.
-pub fn write_apng(
-    output: impl Write,
-    frames: impl ExactSizeIterator<Item = Picture>,
-    frame_rate: f64,
-) -> Result<(), EncodeError> {
-    let delays = Delays::new(frame_rate, 1000.0, 1)?;
-    let n_frames = u32::try_from(frames.len()).unwrap_or(u32::MAX);
-    let mut frames = frames.zip(delays);
-    let (first, delay) = frames.next().ok_or(EncodeError::NoFrames)?;
-    let mut encoder = encoder(output, &first, ColorType::Rgba);
-    encoder.set_animated(n_frames, 0)?;
-    encoder.set_frame_delay(delay, 1000)?;
-    let mut writer = encoder.write_header()?;
-    writer.write_image_data(&changes(&first, None, Area::whole(&first)))?;
-    writer.set_blend_op(BlendOp::Over)?;
-    let mut before = first.clone();
-    for (i, (frame, delay)) in frames.enumerate() {
-        check_size(&first, &frame, i + 1)?;
-        let area = frame.changed_area(&before);
-        writer.set_frame_delay(delay, 1000)?;
-        writer.reset_frame_position()?;
-        writer.set_frame_dimension(area.width, area.height)?;
-        writer.set_frame_position(area.x, area.y)?;
-        writer.write_image_data(&changes(&frame, Some(&before), area))?;
-        before = frame;
-    }
-    Ok(writer.finish()?)
-}
-
-fn encoder<W: Write>(output: W, picture: &Picture, color: ColorType) -> Encoder<'static, W> {
-    let mut encoder = Encoder::new(output, picture.width, picture.height);
-    encoder.set_color(color);
-    encoder.set_depth(BitDepth::Eight);
-    encoder
-}
-
-/// Red, green, blue and alpha of a rectangle; pixels that have not changed are transparent, which compresses
-/// well.
-fn changes(frame: &Picture, before: Option<&Picture>, area: Area) -> Vec<u8> {
-    let opaque = |rgb: &[u8]| [rgb[0], rgb[1], rgb[2], 255];
-    let Some(before) = before else {
-        return frame.rows(area).flat_map(|row| row.chunks_exact(3)).flat_map(opaque).collect();
-    };
-    let rows = frame.rows(area).zip(before.rows(area));
-    let pixels = rows.flat_map(|(row, old)| row.chunks_exact(3).zip(old.chunks_exact(3)));
-    pixels.flat_map(|(rgb, old)| if rgb == old { [0; 4] } else { opaque(rgb) }).collect()
 }
 
 pub(super) fn check_size(first: &Picture, frame: &Picture, number: usize) -> Result<(), EncodeError> {

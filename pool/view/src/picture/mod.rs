@@ -1,12 +1,11 @@
-//! Pictures as bytes. `encode` writes PNG files and animated PNGs, `gif` animated GIFs, `sheet` puts many
-//! pictures into one.
+//! Pictures as bytes. `encode` writes PNG files, `gif` animated GIFs, `sheet` puts many pictures into one.
 
 mod encode;
 mod gif;
 mod palette;
 mod sheet;
 
-pub use encode::{EncodeError, write_apng};
+pub use encode::EncodeError;
 pub use gif::write_gif;
 pub use sheet::{Cell, Sheet};
 

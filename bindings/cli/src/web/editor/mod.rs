@@ -1,4 +1,5 @@
-//! The scenario editor: a page of the playground's session, and the files that this program opens and saves for it.
+//! The scenario editor: a page of the playground's session, and the files that this program opens and saves
+//! for it.
 
 mod target;
 

@@ -18,9 +18,7 @@ const VERSION = 6;
 /** Milliseconds until a lost connection is tried again. */
 const RETRY_AFTER = 1000;
 
-const LOST = "The connection to smaclite-pool is lost. Trying again.";
-
-/** Bytes of the longest message that the program reads. */
+/** Bytes of the longest message that the program reads from most pages. */
 const LARGEST_MESSAGE = 2 ** 22;
 
 /** There is no connection to the program, or it ended before the response. */
@@ -35,8 +33,9 @@ export class ConnectionLost extends Error {}
 
 export class Connection {
   /** @param {Handlers} handlers */
-  constructor(handlers) {
+  constructor(handlers, largest = LARGEST_MESSAGE) {
     this.handlers = handlers;
+    this.largest = largest;
     /** @type {Map<number, { resolve: (response: any) => void, reject: (error: Error) => void }>} */
     this.waiting = new Map();
     this.next = 1;
@@ -56,7 +55,7 @@ export class Connection {
     this.socket.onopen = () => this.greet();
     this.socket.onmessage = (message) => this.receive(JSON.parse(message.data));
     this.socket.onclose = () => {
-      for (const { reject } of this.waiting.values()) reject(new ConnectionLost(LOST));
+      for (const { reject } of this.waiting.values()) reject(new ConnectionLost("the connection is lost"));
       this.waiting.clear();
       this.handlers.close();
       setTimeout(() => this.connect(), RETRY_AFTER);
@@ -95,11 +94,12 @@ export class Connection {
    */
   request(request) {
     return new Promise((resolve, reject) => {
-      if (!this.isOpen) return reject(new ConnectionLost(LOST));
+      if (!this.isOpen) return reject(new ConnectionLost("not connected"));
       const id = this.next++;
       const message = JSON.stringify({ id, request });
       const { length } = new TextEncoder().encode(message);
-      if (length > LARGEST_MESSAGE) return reject(new Error("the message is larger than 4 MiB"));
+      if (length > this.largest)
+        return reject(new Error(`the message is larger than ${this.largest / 2 ** 20} MiB`));
       this.waiting.set(id, { resolve, reject });
       this.socket.send(message);
     });

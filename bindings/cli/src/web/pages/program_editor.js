@@ -11,6 +11,7 @@ async function editWithProgram(data) {
   const engine = new ProgramEngine(say),
     { connection } = engine;
   await engine.opened;
+  say("");
   const open = async () => ({
     ...(await connection.request({ type: "open_files" })),
     /** @type {import("#playground/editor/files.js").Opened["save"]} */
