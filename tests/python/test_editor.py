@@ -521,7 +521,8 @@ def test_a_generated_scenario_shows_what_the_seed_draws(browser: Any) -> None:
 def test_the_editor_needs_no_program(browser: Any, tmp_path: Path) -> None:
     """A page of the documentation: it checks, places, plays and saves by itself, also from a folder."""
     with EditorPage(browser, f"{PAGE.as_uri()}#scenario=3m") as editor:
-        assert editor.page.inner_text("h1") == "3m" and "3 agents, 3 enemies" in editor.page.inner_text("#summary")
+        assert editor.page.inner_text("h1") == "3m"
+        assert "3 agents, 3 enemies" in editor.page.inner_text("#summary")
         field = editor.field("groups", 1, "units", "MARINE")
         editor.page.click(".groups .group >> nth=1")
         field.fill("0")

@@ -1,4 +1,4 @@
-"""The playground of `smaclite-pool play`, in a real browser: battles by mouse, keys and touch, and their replays."""
+"""The playground of `smaclite-pool play` in a browser: battles by mouse, keys and touch, their replays."""
 
 from __future__ import annotations
 

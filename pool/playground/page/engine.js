@@ -1,11 +1,11 @@
 // @ts-check
-// WasmEngine: battles, in WebAssembly. A request and its response are one message of JSON in the engine's memory
-// (`src/exports.rs`); `src/protocol.rs` declares them and writes their types to protocol.d.ts.
+// WasmEngine: battles, in WebAssembly. A request and its response are one message of JSON in the engine's
+// memory (`src/exports.rs`); `src/protocol.rs` declares them and writes their types to protocol.d.ts.
 
 /** @import { Outcome, Request, Response } from "./protocol.d.ts" */
 /**
- * What answers the requests of a page, one after another; an error says why a request is refused. It runs in the
- * page, or in the program that serves it.
+ * What answers the requests of a page, one after another; an error says why a request is refused. It runs in
+ * the page, or in the program that serves it.
  * @typedef {object} Engine
  * @property {<T extends Request["type"]>(request: Extract<Request, { type: T }>) =>
  *   Promise<Extract<Response, { type: T }>>} request

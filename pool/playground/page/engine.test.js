@@ -10,7 +10,7 @@ import { WasmEngine } from "./engine.js";
 
 const BUILT = new URL("../../../target/playground/", import.meta.url);
 const GOLDEN = new URL("golden/", BUILT);
-/** Bytes of the page without teams, compressed by gzip as web servers do. Its engine answers the editor, too. */
+/** Bytes of the page without teams, compressed by gzip. Its engine answers the editor, too. */
 const LARGEST_PAGE = 460_000;
 
 const file = new URL("engine.wasm", BUILT);

@@ -33,8 +33,8 @@ const GUIDES = {
 };
 
 /**
- * The battle of a link, as the engine begins it. The team of a link may have been added to another page; then a
- * script plays on.
+ * The battle of a link, as the engine begins it. The team of a link may have been added to another page; then
+ * a script plays on.
  * @param {Choices} choices
  * @param {SharedBattle} defaults
  * @param {string} link

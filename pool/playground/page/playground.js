@@ -304,6 +304,7 @@ export class Playground extends Commander {
    */
   send(orders) {
     if (!orders.length) return;
+    byId("note").hidden = true;
     this.enqueue(async () => {
       await this.cut();
       await this.take([...this.taken, ...orders.map(({ agent }) => agent)]);
@@ -491,7 +492,7 @@ export class Playground extends Commander {
   key(event) {
     // What is chosen or typed is no command.
     const isChoice = event.target instanceof HTMLElement && event.target.closest("#choices");
-    // The editor shows this page in a frame, which may be a page from a folder, of which it sees nothing else.
+    // The editor, which shows this page in a frame, sees nothing else of one from a folder.
     if (event.key === "Escape" && this.isIdle && parent !== window) parent.postMessage("leave", "*");
     if (!isChoice && !this.painter.key(event)) super.key(event);
   }

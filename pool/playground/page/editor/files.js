@@ -21,7 +21,7 @@ import { tell } from "./message.js";
  */
 
 /**
- * The files of the scenario that a link hands over, if it does, and the seed and rules with which it was played.
+ * The files of the scenario that a link hands over, if it does, and the seed and rules of its battle.
  * @param {string} link
  * @param {Builtins} builtins
  * @returns {Promise<{ files: ScenarioFiles, seed: string, rules: string } | null>}
