@@ -353,6 +353,14 @@ def test_orders_stay_when_another_agent_gets_one_at_an_earlier_step(browser: Any
         for _ in range(3):
             page.one_step()
         assert page.place(0, 0)[0] < x - 2 and abs(page.place(0, 0)[1] - y) < 1
+        # Once more, to a step that was played before that.
+        page.press("Escape", *["Shift+ArrowLeft"] * 3)
+        assert page.step == 1
+        page.press("1", "ArrowUp")
+        x, y = page.place(0, 0)
+        for _ in range(3):
+            page.one_step()
+        assert page.place(0, 0)[0] < x - 2
 
 
 def test_a_scenario_that_no_trained_team_reads_is_played(browser: Any, tmp_path: Path) -> None:

@@ -175,6 +175,7 @@ export class Playground extends Commander {
     const isOther = JSON.stringify(begun.scenario) !== JSON.stringify(this.begun.scenario);
     this.begun = begun;
     this.painter.stroke = null;
+    this.ordersAfter.clear();
     const { wholeMap } = this.view;
     if (isOther) this.use(begun.scenario);
     this.arena.hasFog = this.hasFog;
@@ -194,7 +195,6 @@ export class Playground extends Commander {
     this.seen = 0;
     this.result = null;
     this.arena.taken = new Set(taken);
-    this.ordersAfter.clear();
     this.show(new Track(this.begun.scenario));
     this.append(this.begun.played);
     this.view.area = this.taken.size ? this.startArea() : null;
@@ -367,6 +367,7 @@ export class Playground extends Commander {
       actions = this.actions.slice(0, step * this.info.n_agents),
       taken = [...this.taken],
       orders = this.ordersAfter.get(step) ?? [];
+    for (const later of [...this.ordersAfter.keys()]) if (later > step) this.ordersAfter.delete(later);
     this.begun = await this.engine.request({ type: "begin_battle", of: source, team, actions, taken });
     const selected = [...this.field.selection.units],
       { time } = clock;
