@@ -48,7 +48,7 @@ GROUPS: dict[str, dict[str, list[str]]] = {
     },
     "paper-rules": {scenario: [*FLAT, *former(scenario), "--rules", "paper"] for scenario in ("MMM", "MMM2")},
     "starcraft": {
-        scenario: [*former(scenario), "--rules", "starcraft"] for scenario in sp.scenarios(generated=False)
+        scenario: [*former(scenario), "--rules", "starcraft"] for scenario in sp.scenarios()
     },
 }
 """What is trained for each report: scenarios, with options other than the defaults. In the group `open-loop`,
