@@ -47,9 +47,7 @@ GROUPS: dict[str, dict[str, list[str]]] = {
         scenario: [*FLAT, *other_critic(scenario)] for scenario in sp.scenarios(generated=False)
     },
     "paper-rules": {scenario: [*FLAT, *former(scenario), "--rules", "paper"] for scenario in ("MMM", "MMM2")},
-    "starcraft": {
-        scenario: [*former(scenario), "--rules", "starcraft"] for scenario in sp.scenarios()
-    },
+    "starcraft": {scenario: [*former(scenario), "--rules", "starcraft"] for scenario in sp.scenarios()},
 }
 """What is trained for each report: scenarios, with options other than the defaults. In the group `open-loop`,
 agents observe the time, their own number and their own last actions alone."""
