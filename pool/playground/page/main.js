@@ -69,7 +69,7 @@ export async function startPlayground(engine, { teams, first, other, has_fog: ha
     defaults = { ...FIRST, ...first };
   const { page, note, isRefused } = await firstPage(engine, choices, defaults);
   page.reveal(hasFog);
-  page.lent = new Set(teams.map(({ name }) => name));
+  page.builtInTeams = new Set(teams.map(({ name }) => name));
   byId("share").hidden = !canShare;
   byId("edit").addEventListener("click", () => page.enqueue(() => edit(page, other)));
   if (new URLSearchParams(location.hash.slice(1)).has("play") && !isRefused) page.toggle();

@@ -45,7 +45,7 @@ export class Playground extends Commander {
     /** Whether what no agent sees is hidden until the end. */
     this.hasFog = false;
     /** @type {Set<string>} The teams that the page began with, which every such page has. */
-    this.lent = new Set();
+    this.builtInTeams = new Set();
     /** @type {Map<number, Order[]>} The orders that held after a step. */
     this.ordersAfter = new Map();
     this.source = source;

@@ -15,7 +15,7 @@ import { linkOf, through } from "./link.js";
  * @property {Omit<SharedBattle, "actions" | "taken">} shared
  * @property {number[]} actions
  * @property {Set<number>} taken
- * @property {Set<string>} lent
+ * @property {Set<string>} builtInTeams
  * @property {{ choices: Choices }} choices
  * @property {(text: string) => void} note
  * @property {(error: unknown) => void} fail
@@ -42,7 +42,7 @@ export async function share(page) {
   if (page.source.kind !== "scenario") return page.note("Save this replay to share it.");
   const { opponent } = page.source,
     isScript = !opponent || page.choices.choices.opponents.includes(opponent);
-  if (!isScript && !page.lent.has(opponent))
+  if (!isScript && !page.builtInTeams.has(opponent))
     return page.note(`Save this battle to share it: a link does not have the team "${opponent}".`);
   const taken = [...page.taken].sort((a, b) => a - b);
   const link = await linkOf({ ...page.shared, actions: page.actions, taken });

@@ -1,9 +1,10 @@
-//! Battles in a browser: the engine itself, without a program or a pool behind it.
+//! What the playground and the scenario editor ask, and their documents: battles in a browser, without a pool.
 //!
 //! A page sends requests as JSON to a [`Session`], which has one battle at a time, and gets responses:
 //! `protocol` declares both. Scripts or trained [teams](Team) play the agents, a person takes over some or
-//! all of them, and every battle is a replay. `exports` is what a page sees of all this, in WebAssembly; the
-//! program of this crate makes the page.
+//! all of them, and every battle is a replay. In a page of its own the session is
+//! WebAssembly (`exports`; the program of this crate makes the pages), in `smaclite-pool play` and `edit` a part
+//! of that program.
 //!
 //! ```
 //! use smaclite_playground::Session;
@@ -35,6 +36,6 @@ mod units_network;
 pub use document::{EngineOf, Page};
 pub use editor::new_scenario;
 pub use protocol::TeamFiles;
-pub use session::Session;
+pub use session::{Answer, Session};
 pub use source::source_of;
 pub use team::{Team, TeamError};

@@ -1,5 +1,7 @@
 //! What a page asks and is told: JSON, declared here and nowhere else. `page/protocol.d.ts` describes it to
-//! the scripts; the test below writes it. It has no version, because a page contains both sides.
+//! the scripts; the test below writes it. A page with its engine inside contains both sides. In a
+//! program they have the version of the messages that carry them (`web/protocol` in `bindings/cli`), which
+//! changes with these, too.
 
 use crate::editor::{Builtins, CheckedFiles, Group};
 use serde::{Deserialize, Serialize};

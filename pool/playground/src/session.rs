@@ -11,11 +11,28 @@ use crate::source::{SourceError, opened};
 use crate::team::{Team, TeamError};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
+use serde::Serialize;
+use serde_json::Value;
 use smaclite_engine::policy::{Scripted, UnknownPolicy};
 use smaclite_engine::{Opponent, Rules};
 use smaclite_scenarios::{Faction, Scenario};
 use smaclite_view::page::{features_info, scenario_info};
 use smaclite_view::{Episode, Replay, ReplayError};
+
+/// What became of a request, to be serialised for the page.
+#[derive(Debug, Serialize)]
+#[serde(transparent)]
+pub struct Answer(Outcome);
+
+impl Answer {
+    /// Why the request was refused, if it was.
+    pub fn error(&self) -> Option<&str> {
+        match &self.0 {
+            Outcome::Error(error) => Some(error),
+            Outcome::Response(_) => None,
+        }
+    }
+}
 
 /// The battle of one page, and what it can be played with.
 #[derive(Default)]
@@ -51,12 +68,21 @@ enum SessionError {
 impl Session {
     /// The response to a request; both are JSON. An error is a response too, and changes nothing.
     pub fn respond_json(&mut self, request: &[u8]) -> String {
-        let request = serde_json::from_slice(request).map_err(SessionError::from);
-        let outcome = match request.and_then(|request| self.respond(request)) {
+        let answer = self.answer_to(serde_json::from_slice(request));
+        serde_json::to_string(&answer).unwrap_or_default() // every value of it is valid JSON
+    }
+
+    /// The same for a request that was read as JSON.
+    pub fn answer(&mut self, request: Value) -> Answer {
+        self.answer_to(serde_json::from_value(request))
+    }
+
+    fn answer_to(&mut self, request: serde_json::Result<Request>) -> Answer {
+        let request = request.map_err(SessionError::from);
+        Answer(match request.and_then(|request| self.respond(request)) {
             Ok(response) => Outcome::Response(response),
             Err(error) => Outcome::Error(error.to_string()),
-        };
-        serde_json::to_string(&outcome).unwrap_or_default() // every value of it is valid JSON
+        })
     }
 
     fn respond(&mut self, request: Request) -> Result<Response, SessionError> {

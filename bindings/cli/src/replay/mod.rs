@@ -21,9 +21,9 @@ Examples:
 pub(super) struct Replay {
     /// The replay file
     file: PathBuf,
-    /// What to write: NAME.html (a page with all episodes), NAME.gif (an animation),
-    /// NAME.mp4 (needs ffmpeg), a new folder for one PNG file per tick, or NAME.snapshot (the state before a
-    /// step, from which battles branch); a file of that name is replaced
+    /// What to write: NAME.html (a page with all episodes), NAME.gif (an animation), NAME.mp4 (needs ffmpeg),
+    /// a new folder for one PNG file per tick, or NAME.snapshot (the state before a step, from which battles
+    /// branch); a file of that name is replaced
     #[arg(long, value_name = "OUT")]
     to: Option<PathBuf>,
     /// The episode of an animation, folder or snapshot, counted from 0 [default: 0]

@@ -3,20 +3,12 @@
 use super::protocol::{PageRequest, PageResponse};
 use super::{App, Page, pages};
 use crate::zoo::team_files;
-use serde::Deserialize;
-use serde_json::value::RawValue;
 use serde_json::{Value, json};
 use smaclite_playground::{Page as Document, Session, TeamFiles};
 use std::path::Path;
 
 /// The playground of one command.
 pub(crate) struct Playground(Document);
-
-/// A request that was not carried out.
-#[derive(Deserialize)]
-struct Refused {
-    error: String,
-}
 
 impl Playground {
     /// The battle of `first`, in which a person has the agents of `taken`, and sees what they see.
@@ -36,9 +28,8 @@ impl Playground {
         };
         let mut session = Session::default();
         for request in teams.iter().map(add).chain([begin]) {
-            let outcome = session.respond_json(request.to_string().as_bytes());
-            if let Ok(Refused { error }) = serde_json::from_str(&outcome) {
-                return Err(error);
+            if let Some(error) = session.answer(request).error() {
+                return Err(error.to_owned());
             }
         }
         Ok(Playground(Document::Playground { teams, first, has_fog: true, can_share: false }))
@@ -65,19 +56,14 @@ impl App for Playground {
         let mut session = Session::default();
         while let Ok(Some(message)) = page.receive(None) {
             let response = match message.request {
-                PageRequest::Session { request } => respond(&mut session, &request),
-                _ => Err("this request is one of another page".to_owned()),
+                PageRequest::Session { request } => {
+                    Ok(PageResponse::Session { outcome: session.answer(request) })
+                }
+                _ => Err("this request is one of another page"),
             };
             if page.respond(message.id, response).is_err() {
                 return;
             }
         }
     }
-}
-
-/// What a session responds to a request of its page.
-pub(super) fn respond(session: &mut Session, request: &Value) -> Result<PageResponse, String> {
-    let outcome = session.respond_json(request.to_string().as_bytes());
-    let outcome = RawValue::from_string(outcome).map_err(|error| error.to_string())?;
-    Ok(PageResponse::Session { outcome })
 }

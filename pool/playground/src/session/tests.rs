@@ -2,7 +2,7 @@
 
 use super::*;
 use safetensors::{Dtype, tensor::TensorView};
-use serde_json::{Value, json};
+use serde_json::json;
 use smaclite_engine::{BattleSetup, Sizes};
 use smaclite_scenarios::{Placement, ScenarioFiles};
 

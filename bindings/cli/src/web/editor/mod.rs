@@ -5,7 +5,6 @@ mod target;
 
 pub(crate) use target::Start;
 
-use super::playground::respond;
 use super::protocol::{PageRequest, PageResponse};
 use super::{App, Page, pages};
 use smaclite_playground::Session;
@@ -22,7 +21,7 @@ impl Editor {
 
     fn respond(&self, session: &mut Session, request: PageRequest) -> Result<PageResponse, EditorError> {
         Ok(match request {
-            PageRequest::Session { request } => respond(session, &request).map_err(EditorError::Session)?,
+            PageRequest::Session { request } => PageResponse::Session { outcome: session.answer(request) },
             PageRequest::OpenFiles {} => PageResponse::OpenFiles(self.start.open()?),
             PageRequest::SaveFiles(save) => PageResponse::SaveFiles(self.start.save(save)?),
             _ => return Err(EditorError::OtherPage),
@@ -50,8 +49,6 @@ impl App for Editor {
 enum EditorError {
     #[error("this request is one of another page")]
     OtherPage,
-    #[error("{0}")]
-    Session(String),
     #[error(transparent)]
     Target(#[from] target::TargetError),
 }

@@ -13,12 +13,12 @@ pub(crate) use live::*;
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
-use serde_json::value::RawValue;
+use smaclite_playground::Answer;
 #[cfg(test)]
 use ts_rs::TS;
 
-/// The version of these messages. It changes with them, because a page can stay open while the program is
-/// replaced; such a page is told to be reloaded.
+/// The version of these messages. It changes with them, and with those of the playground that they carry,
+/// because a page can stay open while the program is replaced; such a page is told to be reloaded.
 pub(super) const VERSION: u32 = 6;
 
 #[derive(Debug, Deserialize)]
@@ -126,7 +126,7 @@ pub(crate) enum PageResponse {
     SaveFiles(SavedFiles),
     Session {
         #[cfg_attr(test, ts(type = "SessionOutcome"))]
-        outcome: Box<RawValue>,
+        outcome: Answer,
     },
 }
 
