@@ -1,10 +1,9 @@
-//! What the playground and the scenario editor ask, and their documents: battles in a browser, without a pool.
+//! What answers the playground and the scenario editor, and their documents: battles without a pool.
 //!
 //! A page sends requests as JSON to a [`Session`], which has one battle at a time, and gets responses:
 //! `protocol` declares both. Scripts or trained [teams](Team) play the agents, a person takes over some or
-//! all of them, and every battle is a replay. In a page of its own the session is
-//! WebAssembly (`exports`; the program of this crate makes the pages), in `smaclite-pool play` and `edit` a part
-//! of that program.
+//! all of them, and every battle is a replay. In a page of its own the session is WebAssembly (`exports`; the
+//! program of this crate makes the pages), in `smaclite-pool play` and `edit` a part of that program.
 //!
 //! ```
 //! use smaclite_playground::Session;
