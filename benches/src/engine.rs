@@ -12,6 +12,9 @@ pub(crate) struct Plays {
     /// How the agents choose their actions
     #[arg(long, value_enum, default_value = "nearest")]
     pub(crate) policy: Policy,
+    /// Rules of the battles: smaclite, paper or starcraft
+    #[arg(long, default_value = "smaclite")]
+    pub(crate) rules: Rules,
     /// Steps per scenario, from the first episode of seed 1 on
     #[arg(long, default_value_t = 200)]
     pub(crate) steps: usize,
@@ -33,10 +36,11 @@ impl Plays {
 /// Records the steps of a battle, and makes the player for them.
 pub(crate) fn record(
     scenario: &str,
+    rules: Rules,
     policy: Policy,
     steps: usize,
 ) -> Result<(Player, Recording), ScenarioError> {
-    let arena = Arc::new(Arena::new(&Scenario::resolve(scenario)?, Rules::default()));
+    let arena = Arc::new(Arena::new(&Scenario::resolve(scenario)?, rules));
     let recording = Recording::new(&arena, 1, steps, policy, AfterEpisode::ResetAndPlay);
     Ok((Player::new(arena), recording))
 }

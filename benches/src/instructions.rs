@@ -14,12 +14,14 @@ use std::sync::Arc;
 
 /// The phases of a step as columns: the name of each, and how the name of its function ends. Those of a tick
 /// have the names of the engine's modules.
-const PHASES: [(&str, &[&str]); 13] = [
+const PHASES: [(&str, &[&str]); 15] = [
     ("order", &["battle::Battle::set_execution_order"]),
-    ("targets", &["tick::targets::drop_lost"]),
-    ("preferred", &["tick::preferred::decide"]),
+    ("targets", &["tick::targets::drop_lost", "starcraft::choice::choose_targets"]),
+    ("preferred", &["tick::preferred::decide", "starcraft::walk::prefer"]),
     ("avoid", &["tick::avoid::plan_velocities"]),
-    ("execute", &["tick::execute::take_turns"]),
+    ("move", &["starcraft::walk::move_all"]),
+    ("hits", &["starcraft::choice::remember", "starcraft::choice::alarm", "starcraft::hits::land"]),
+    ("execute", &["tick::execute::take_turns", "starcraft::attack::act"]),
     ("deaths", &["tick::deaths::remove_dead"]),
     ("look", &["battle::perceiver::Perceiver::look"]),
     ("perceive", &["smacv2::perception::<impl smaclite_engine::smacv2::Interface>::perceive"]),
@@ -37,8 +39,8 @@ pub(crate) fn measure(plays: &Plays) -> Result<(), Box<dyn Error>> {
     PHASES.iter().for_each(|(phase, _)| print!(" {phase:>9}"));
     println!(" {:>9}", "rest");
     for scenario in plays.scenarios() {
-        let unit_ticks = record(&scenario, plays.policy, plays.steps)?.1.unit_ticks() as f64;
-        let counts = count(&scenario, plays.policy, plays.steps)?;
+        let unit_ticks = record(&scenario, plays.rules, plays.policy, plays.steps)?.1.unit_ticks() as f64;
+        let counts = count(&scenario, plays.rules, plays.policy, plays.steps)?;
         let total = counts.total();
         let phases =
             PHASES.map(|(_, functions)| functions.iter().map(|function| counts.of(function)).sum::<f64>());
@@ -51,8 +53,8 @@ pub(crate) fn measure(plays: &Plays) -> Result<(), Box<dyn Error>> {
 
 /// All instructions per living unit and tick.
 pub(crate) fn per_unit_tick(scenario: &str, policy: Policy, steps: usize) -> Result<f64, CountError> {
-    let unit_ticks = record(scenario, policy, steps)?.1.unit_ticks() as f64;
-    Ok(count(scenario, policy, steps)?.total() / unit_ticks)
+    let unit_ticks = record(scenario, Rules::default(), policy, steps)?.1.unit_ticks() as f64;
+    Ok(count(scenario, Rules::default(), policy, steps)?.total() / unit_ticks)
 }
 
 /// Why there is no count.
@@ -71,8 +73,13 @@ pub(crate) enum CountError {
 }
 
 /// Plays once, in the process that callgrind runs.
-pub(crate) fn play_once(scenario: &str, policy: Policy, steps: usize) -> Result<(), Box<dyn Error>> {
-    let (mut player, recording) = record(scenario, policy, steps)?;
+pub(crate) fn play_once(
+    scenario: &str,
+    rules: Rules,
+    policy: Policy,
+    steps: usize,
+) -> Result<(), Box<dyn Error>> {
+    let (mut player, recording) = record(scenario, rules, policy, steps)?;
     play_counted(&mut player, &recording, &mut Scratch::new());
     Ok(())
 }
@@ -134,8 +141,8 @@ pub(crate) fn per_fork_and_unit(scenario: &str, forks: usize) -> Result<f64, Cou
     Ok(counts.total() / (n_units * forks) as f64)
 }
 
-fn count(scenario: &str, policy: Policy, steps: usize) -> Result<Counts, CountError> {
-    count_second(&["play", scenario, &policy.name(), &steps.to_string()])
+fn count(scenario: &str, rules: Rules, policy: Policy, steps: usize) -> Result<Counts, CountError> {
+    count_second(&["play", scenario, &rules.to_string(), &policy.name(), &steps.to_string()])
 }
 
 /// The counts of this program as `second`.

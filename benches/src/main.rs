@@ -20,6 +20,7 @@ use clap::{Parser, Subcommand};
 use smaclite_cli::bench::play::Policy;
 use smaclite_cli::bench::throughput::Workload;
 use smaclite_cli::process::wait_for_termination;
+use smaclite_engine::Rules;
 use smaclite_ipc::{RuntimeDir, WaitStrategy};
 use smaclite_pool::PoolOptions;
 use std::error::Error;
@@ -97,7 +98,7 @@ enum SecondProcess {
     /// Answers pings until it is terminated
     Pong { name: String, wait: WaitStrategy },
     /// Plays a battle once, under callgrind
-    Play { scenario: String, policy: Policy, steps: usize },
+    Play { scenario: String, rules: Rules, policy: Policy, steps: usize },
     /// Forks a battle, under callgrind
     Fork { scenario: String, forks: usize },
     /// Prints which extensions of the instruction set the processor has
@@ -155,7 +156,9 @@ fn run(cli: Cli) -> Result<(), Box<dyn Error>> {
 fn run_second(process: SecondProcess) -> Result<(), Box<dyn Error>> {
     match process {
         SecondProcess::Pong { name, wait } => ping_pong::serve(&name, wait),
-        SecondProcess::Play { scenario, policy, steps } => instructions::play_once(&scenario, policy, steps),
+        SecondProcess::Play { scenario, rules, policy, steps } => {
+            instructions::play_once(&scenario, rules, policy, steps)
+        }
         SecondProcess::Fork { scenario, forks } => instructions::fork_once(&scenario, forks),
         SecondProcess::Extensions => {
             recorded_instructions::print_extensions();

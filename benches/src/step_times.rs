@@ -19,7 +19,7 @@ pub(crate) fn measure(plays: &Plays, seconds: f64) -> Result<(), Box<dyn Error>>
     println!("{:16} {:>8} {:>10} {:>10} {:>10}", "scenario", "fresh", "steps/s", "replayed", "steps/s");
     let mut logarithms = [Vec::new(), Vec::new()];
     for scenario in plays.scenarios() {
-        let (mut player, recording) = record(&scenario, plays.policy, plays.steps)?;
+        let (mut player, recording) = record(&scenario, plays.rules, plays.policy, plays.steps)?;
         let fresh = fresh(&mut player, plays, time);
         let replayed = replayed(&mut player, &recording, time);
         println!(

@@ -5,8 +5,9 @@ use glam::Vec2;
 use smaclite_scenarios::Drawn;
 use smaclite_units::UnitType;
 
-use super::{Approach, Arena, Regeneration, UnitStats};
+use super::{Approach, Arena, Regeneration, StarcraftStats, UnitStats};
 use crate::buffers::refill;
+use crate::rules::Rules;
 
 impl Arena {
     /// Lets the units have these types, by battle-wide id.
@@ -18,6 +19,8 @@ impl Arena {
         let all_stats = &self.all_stats;
         refill(&mut self.avoidance, all_stats.iter().map(|stats| stats.avoid));
         refill(&mut self.regenerations, all_stats.iter().map(Regeneration::new));
+        let starcraft = self.rules == Rules::Starcraft;
+        refill(&mut self.starcraft_stats, of_unit().filter(|_| starcraft).map(StarcraftStats::new));
         self.has_reserves = all_stats.iter().any(|stats| stats.shield > 0.0 || stats.energy > 0.0);
         self.has_area_attacks = all_stats.iter().any(UnitStats::attacks_an_area);
         let heals = |id: &&u32| all_stats[**id as usize].is_healer;

@@ -21,7 +21,7 @@ use smaclite_units::{Plane, UnitType};
 
 pub(crate) use cells::{EdgeBlock, EdgeSearch, EdgesByCell};
 pub(crate) use edges::Edge;
-pub(crate) use unit_stats::{Approach, AvoidanceParams, Matchup, Regeneration, UnitStats};
+pub(crate) use unit_stats::{Approach, AvoidanceParams, Matchup, Regeneration, StarcraftStats, UnitStats};
 
 use crate::command::action;
 use crate::extent::Extent;
@@ -76,6 +76,8 @@ pub struct Arena {
     pub(crate) approaches: Vec<Approach>,
     /// What phase 4 reads of each unit, by battle-wide id.
     pub(crate) regenerations: Vec<Regeneration>,
+    /// What ticks under rules `starcraft` read of each unit, by battle-wide id; empty under the others.
+    pub(crate) starcraft_stats: Vec<StarcraftStats>,
     /// Whether an agent is a healer, and whether an enemy is.
     pub(crate) agents_heal: bool,
     pub(crate) enemies_heal: bool,
@@ -146,6 +148,7 @@ impl Arena {
             all_stats: Vec::new(),
             approaches: Vec::new(),
             regenerations: Vec::new(),
+            starcraft_stats: Vec::new(),
             agents_heal: false,
             enemies_heal: false,
             has_reserves: false,
@@ -354,10 +357,10 @@ impl Arena {
         self.moves.from(&self.terrain, position)
     }
 
-    /// Where a unit at a position walks straight to on its way to a goal: a corner, or the goal.
-    pub(crate) fn next_point(&self, id: u32, from: Vec2, goal: Vec2) -> Vec2 {
+    /// Where a unit of a plane at a position walks straight to on its way to a goal: a corner, or the goal.
+    pub(crate) fn next_point(&self, plane: Plane, from: Vec2, goal: Vec2) -> Vec2 {
         match &self.ways {
-            Some(ways) if self.stats(id).plane == Plane::Ground => ways.next(from, goal),
+            Some(ways) if plane == Plane::Ground => ways.next(from, goal),
             _ => goal,
         }
     }

@@ -45,6 +45,13 @@ impl Earned {
             Faction::Enemy => self.enemies += amount,
         }
     }
+
+    fn of(&self, side: Faction) -> f64 {
+        match side {
+            Faction::Ally => self.allies,
+            Faction::Enemy => self.enemies,
+        }
+    }
 }
 
 /// Plays one tick with the execution order in the scratch. Returns what it earns.
@@ -100,6 +107,10 @@ pub(crate) struct TickScratch {
     exploded: Vec<u32>,
     /// Under rules `starcraft`, the units that stand in this tick, by plane.
     standing: [starcraft::Standing; 3],
+    /// Under rules `starcraft`, those of them that are near one unit.
+    near: Vec<starcraft::Near>,
+    /// Under rules `starcraft`, whether a unit may have hits in flight.
+    may_have_hits: bool,
     /// Under rules `starcraft`, how many units attack each unit.
     attackers: Vec<i32>,
     /// Under rules `starcraft`, health and shield of each unit before the hits of this tick.
@@ -163,6 +174,7 @@ impl TickScratch {
         clear_and_reserve(&mut self.attackers, n_units);
         clear_and_reserve(&mut self.vitality, n_units);
         self.standing.iter_mut().for_each(|plane| plane.reserve(n_units));
+        clear_and_reserve(&mut self.near, n_units);
         clear_and_reserve(&mut self.credits, n_units);
         clear_and_reserve(&mut self.before, n_units);
         clear_and_reserve(&mut self.commands, n_units);

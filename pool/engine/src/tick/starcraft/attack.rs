@@ -5,10 +5,11 @@ use glam::Vec2;
 use smaclite_units::Targeter;
 
 use super::super::{Earned, World, targeters};
-use super::reach::is_within;
 use super::{MAX_FLIGHT, hits};
 use crate::TICK;
+use crate::arena::Matchup;
 use crate::distance::distance;
+use crate::fast_math;
 use crate::random::Generator;
 use crate::units::AttackPhase;
 
@@ -16,45 +17,51 @@ use crate::units::AttackPhase;
 const ARC: f32 = 0.980_785_3;
 
 /// Lets every living unit begin or go on with its attack.
+#[inline(never)]
 pub(super) fn act(world: &mut World, generator: &mut Generator, earned: &mut Earned) {
+    let arena = world.arena;
     for at in 0..world.alive_ids.all.len() {
         let id = world.alive_ids.all[at];
         let i = id as usize;
         let phase = &mut world.units.phases[i];
-        phase.backswing = f64::max(0.0, phase.backswing - TICK);
-        if world.units.hp[i] <= 0.0 {
-            continue;
-        }
+        phase.backswing = fast_math::max(0.0, phase.backswing - TICK);
         let Some(target) = world.units.target[i] else { continue };
-        if !world.arena.can_attack(id, target) {
-            continue;
+        let matchup = arena.matchup(id, target);
+        if world.units.hp[i] > 0.0 && matchup.can_attack {
+            advance(world, generator, id, target, matchup, earned);
         }
-        if world.arena.stats(id).is_healer {
-            if is_within(world.arena, world.units, id, target, 0.0) && world.units.hp[target as usize] > 0.0 {
-                targeters::act(world, id, target, earned);
-            }
-            continue;
-        }
-        advance(world, generator, id, target, earned);
     }
 }
 
-fn advance(world: &mut World, generator: &mut Generator, id: u32, target: u32, earned: &mut Earned) {
-    let (i, conduct) = (id as usize, world.arena.stats(id).conduct);
-    let is_winding_up = world.units.phases[i].windup > 0.0;
+#[inline(always)]
+fn advance(
+    world: &mut World,
+    generator: &mut Generator,
+    id: u32,
+    target: u32,
+    matchup: &Matchup,
+    earned: &mut Earned,
+) {
+    let (i, t) = (id as usize, target as usize);
+    let phase = &mut world.units.phases[i];
+    let is_winding_up = phase.windup > 0.0;
     // The target of the last attack is attacked again without a step after it.
-    let goes_on = is_winding_up || world.units.phases[i].hit_target == Some(target);
-    let slop = if goes_on { conduct.range_slop } else { 0.0 };
-    if !is_within(world.arena, world.units, id, target, slop) {
-        let units = &mut *world.units;
-        units.phases[i].cancel(&mut units.cooldown[i]);
+    let goes_on = is_winding_up || phase.hit_target == Some(target);
+    let is_in_reach = matchup.reaches(world.units.pos[i], world.units.pos[t], goes_on);
+    if world.arena.starcraft_stats[i].is_healer {
+        if is_in_reach && world.units.hp[t] > 0.0 {
+            targeters::act(world, id, target, earned);
+        }
         return;
     }
-    let way = world.units.pos[target as usize] - world.units.pos[i];
-    let (turn, phase) = (world.arena.stats(id).turn, &mut world.units.phases[i]);
-    let is_facing = phase.turn_to(way, turn);
+    if !is_in_reach {
+        phase.cancel(&mut world.units.cooldown[i]);
+        return;
+    }
+    let way = world.units.pos[t] - world.units.pos[i];
+    let is_facing = phase.turn_to(way, world.arena.starcraft_stats[i].turn);
     if is_winding_up {
-        phase.windup = f64::max(0.0, phase.windup - TICK);
+        phase.windup = fast_math::max(0.0, phase.windup - TICK);
         if phase.windup < TICK / 2.0 {
             phase.windup = 0.0;
         }
@@ -63,14 +70,16 @@ fn advance(world: &mut World, generator: &mut Generator, id: u32, target: u32, e
         if !is_facing || world.units.cooldown[i] >= TICK / 2.0 {
             return;
         }
+        let stats = world.arena.stats(id);
+        let conduct = &stats.conduct;
         let (least, greatest) = (conduct.min_random_delay, conduct.max_random_delay);
         let delay = least + (greatest - least) * generator.next_share();
-        world.units.cooldown[i] = f64::max(0.0, world.arena.stats(id).cooldown + delay);
+        world.units.cooldown[i] = f64::max(0.0, stats.cooldown + delay);
         phase.windup = conduct.damage_point;
         phase.target = Some(target);
     }
     if phase.windup == 0.0 {
-        phase.backswing = conduct.backswing;
+        phase.backswing = world.arena.stats(id).conduct.backswing;
         phase.target = None;
         phase.last = Some(target);
         launch(world, id, target, earned);
@@ -78,9 +87,10 @@ fn advance(world: &mut World, generator: &mut Generator, id: u32, target: u32, e
 }
 
 /// The damage point: the hit, or what becomes one later.
+#[inline(never)]
 fn launch(world: &mut World, id: u32, target: u32, earned: &mut Earned) {
     let stats = world.arena.stats(id);
-    let (i, t, conduct) = (id as usize, target as usize, stats.conduct);
+    let (i, t, conduct) = (id as usize, target as usize, &stats.conduct);
     // What an earlier attack still has in flight arrives now: a unit has one at a time.
     hits::land_all(world, id, earned);
     let way = distance(world.units.pos[i], world.units.pos[t]) - world.arena.stats(target).radius;
@@ -100,6 +110,7 @@ fn launch(world: &mut World, id: u32, target: u32, earned: &mut Earned) {
     if later == 0.0 {
         hits::hit(world, id, earned);
     }
+    world.scratch.may_have_hits |= world.units.phases[i].hits > 0;
 }
 
 impl AttackPhase {

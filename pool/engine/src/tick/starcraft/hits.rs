@@ -3,11 +3,15 @@
 use smaclite_units::Targeter;
 
 use super::super::{Earned, World, targeters};
-use super::reach;
 use crate::TICK;
 
 /// Lands the hits whose time has come.
+#[inline(never)]
 pub(super) fn land(world: &mut World, earned: &mut Earned) {
+    // None is launched before the last that was in flight is looked at here.
+    if !std::mem::take(&mut world.scratch.may_have_hits) && !world.scratch.is_first_tick {
+        return;
+    }
     // Also those of the dead: a projectile outlives who fired it.
     for id in world.arena.unit_ids() {
         let phase = &mut world.units.phases[id as usize];
@@ -18,6 +22,7 @@ pub(super) fn land(world: &mut World, earned: &mut Earned) {
         if phase.hit_time == 0.0 {
             hit(world, id, earned);
         }
+        world.scratch.may_have_hits |= world.units.phases[id as usize].hits > 0;
     }
 }
 
@@ -53,7 +58,11 @@ pub(super) fn hit(world: &mut World, id: u32, earned: &mut Earned) {
             let goes_on = world.units.alive[i]
                 && world.units.hp[i] > 0.0
                 && own_target == Some(target)
-                && reach::is_in_slop(world.arena, world.units, id, target);
+                && world.arena.matchup(id, target).reaches(
+                    world.units.pos[i],
+                    world.units.pos[target as usize],
+                    true,
+                );
             match goes_on {
                 true => targeters::strike(world, id, target, 1, earned),
                 false => world.units.phases[i].hits = 0,
@@ -64,6 +73,7 @@ pub(super) fn hit(world: &mut World, id: u32, earned: &mut Earned) {
 }
 
 /// Lets units that were killed in this tick explode, if they are of a kind that does.
+#[inline(never)]
 pub(super) fn explode_killed(world: &mut World, earned: &mut Earned) {
     if !world.scratch.may_have_dead {
         return;

@@ -9,14 +9,13 @@
 mod attack;
 mod choice;
 mod hits;
-mod reach;
 mod walk;
 
 use super::{Earned, World, avoid, deaths};
 use crate::random::Generator;
 
 pub(crate) use choice::{LOOK_INTERVAL, first_look};
-pub(super) use walk::Standing;
+pub(super) use walk::{Near, Standing};
 
 /// The greatest time that a projectile flies, in seconds: longer than any battle.
 pub(crate) const MAX_FLIGHT: f64 = 1e12;
@@ -32,7 +31,7 @@ pub(crate) fn run(world: &mut World, generator: &mut Generator) -> Earned {
     hits::land(world, &mut earned);
     attack::act(world, generator, &mut earned);
     hits::explode_killed(world, &mut earned);
-    choice::alarm(world);
+    choice::alarm(world, &earned);
     deaths::remove_dead(world);
     world.scratch.exploded.clear();
     world.scratch.is_first_tick = false;
