@@ -5,7 +5,12 @@ mod unix;
 #[cfg(unix)]
 pub use unix::*;
 
-#[cfg(not(unix))]
-mod other;
-#[cfg(not(unix))]
-pub use other::*;
+#[cfg(windows)]
+mod windows;
+#[cfg(windows)]
+pub use windows::*;
+
+#[cfg(not(any(unix, windows)))]
+mod browser;
+#[cfg(not(any(unix, windows)))]
+pub(in crate::file) use browser::*;

@@ -1,4 +1,4 @@
-//! Files of Windows, and of browsers, which have none: there all of this is an error.
+//! Files of Windows.
 
 use std::fs::File;
 use std::io;
@@ -10,13 +10,11 @@ pub(in crate::file) fn without_waiting(path: &Path) -> io::Result<File> {
 }
 
 /// What makes a file that gets its final name when it is complete.
-#[cfg(windows)]
 pub fn partial_file<'a>() -> tempfile::Builder<'a, 'a> {
     tempfile::Builder::new()
 }
 
 /// The same of a folder.
-#[cfg(windows)]
 pub fn partial_folder<'a>() -> tempfile::Builder<'a, 'a> {
     tempfile::Builder::new()
 }
@@ -25,7 +23,6 @@ pub fn partial_folder<'a>() -> tempfile::Builder<'a, 'a> {
 ///
 /// # Errors
 /// Those of the system.
-#[cfg(windows)]
 pub fn write_all_at(file: &File, mut bytes: &[u8], mut offset: u64) -> io::Result<()> {
     while !bytes.is_empty() {
         match std::os::windows::fs::FileExt::seek_write(file, bytes, offset)? {
@@ -40,7 +37,6 @@ pub fn write_all_at(file: &File, mut bytes: &[u8], mut offset: u64) -> io::Resul
 ///
 /// # Errors
 /// Those of the system.
-#[cfg(windows)]
 pub fn to_lock(folder: &Path) -> io::Result<File> {
     File::options().create(true).truncate(false).write(true).open(folder.join("in-use.lock"))
 }
