@@ -55,8 +55,8 @@ pub(super) fn choose_targets(world: &mut World) {
     }
 }
 
-/// Gives units the targets of their orders. After the first tick of a step only a target changes that dies, or
-/// that a healer has given up.
+/// Gives units the targets of their orders. After the first tick of a step only a target changes that dies,
+/// or that a healer has given up.
 fn follow_orders(world: &mut World) {
     let World { units, alive_ids, scratch, .. } = world;
     // A healer compares its target with that of the tick before.
