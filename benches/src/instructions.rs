@@ -12,15 +12,23 @@ use std::error::Error;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 
-/// The phases of a step as columns: the name of each, and how the name of its function ends. Those of a tick
-/// have the names of the engine's modules.
+/// The phases of a step as columns: the name of each, and how the name of its function ends. Those of a
+/// tick have the names of the engine's modules; `move` and `hits` are of rules `starcraft`.
 const PHASES: [(&str, &[&str]); 15] = [
     ("order", &["battle::Battle::set_execution_order"]),
     ("targets", &["tick::targets::drop_lost", "starcraft::choice::choose_targets"]),
     ("preferred", &["tick::preferred::decide", "starcraft::walk::prefer"]),
     ("avoid", &["tick::avoid::plan_velocities"]),
     ("move", &["starcraft::walk::move_all"]),
-    ("hits", &["starcraft::choice::remember", "starcraft::choice::alarm", "starcraft::hits::land"]),
+    (
+        "hits",
+        &[
+            "starcraft::choice::remember",
+            "starcraft::choice::alarm",
+            "starcraft::hits::land",
+            "starcraft::hits::explode_killed",
+        ],
+    ),
     ("execute", &["tick::execute::take_turns", "starcraft::attack::act"]),
     ("deaths", &["tick::deaths::remove_dead"]),
     ("look", &["battle::perceiver::Perceiver::look"]),

@@ -135,7 +135,8 @@ impl Regeneration {
     }
 }
 
-/// The stats that every tick under rules `starcraft` reads of every unit, packed for the same reason.
+/// The stats that every tick under rules `starcraft` reads of every unit: few enough for the cache, as
+/// [`Approach`].
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StarcraftStats {
     /// From edge to edge.
@@ -177,7 +178,7 @@ pub(crate) struct Matchup {
     pub can_attack: bool,
     /// The victim is within attack range if the squared distance between the centres is at most this.
     pub reach_squared: f64,
-    /// The same within the attacker's range slop.
+    /// The same within the attacker's range slop, which is at least 0.
     pub slop_reach_squared: f64,
 }
 

@@ -45,13 +45,6 @@ impl Earned {
             Faction::Enemy => self.enemies += amount,
         }
     }
-
-    fn of(&self, side: Faction) -> f64 {
-        match side {
-            Faction::Ally => self.allies,
-            Faction::Enemy => self.enemies,
-        }
-    }
 }
 
 /// Plays one tick with the execution order in the scratch. Returns what it earns.
@@ -109,9 +102,9 @@ pub(crate) struct TickScratch {
     standing: [starcraft::Standing; 3],
     /// Under rules `starcraft`, those of them that are near one unit.
     near: Vec<starcraft::Near>,
-    /// Under rules `starcraft`, whether a unit may have hits in flight.
+    /// Under rules `starcraft`, whether a unit may have hits in flight; stale in the first tick of a step.
     may_have_hits: bool,
-    /// Under rules `starcraft`, how many units attack each unit.
+    /// Under rules `starcraft`, how many units attack each unit; empty until one chooses a target.
     attackers: Vec<i32>,
     /// Under rules `starcraft`, health and shield of each unit before the hits of this tick.
     vitality: Vec<f64>,

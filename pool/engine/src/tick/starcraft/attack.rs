@@ -33,6 +33,7 @@ pub(super) fn act(world: &mut World, generator: &mut Generator, earned: &mut Ear
     }
 }
 
+/// Lets a unit begin an attack on its target or go on with it, or heal it.
 #[inline(always)]
 fn advance(
     world: &mut World,
@@ -45,10 +46,11 @@ fn advance(
     let (i, t) = (id as usize, target as usize);
     let phase = &mut world.units.phases[i];
     let is_winding_up = phase.windup > 0.0;
+    let is_healer = world.arena.starcraft_stats[i].is_healer;
     // The target of the last attack is attacked again without a step after it.
-    let goes_on = is_winding_up || phase.hit_target == Some(target);
+    let goes_on = !is_healer && (is_winding_up || phase.hit_target == Some(target));
     let is_in_reach = matchup.reaches(world.units.pos[i], world.units.pos[t], goes_on);
-    if world.arena.starcraft_stats[i].is_healer {
+    if is_healer {
         if is_in_reach && world.units.hp[t] > 0.0 {
             targeters::act(world, id, target, earned);
         }

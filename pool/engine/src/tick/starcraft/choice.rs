@@ -33,23 +33,23 @@ pub(crate) fn first_look(generator: &mut Generator) -> f64 {
 pub(super) fn choose_targets(world: &mut World) {
     follow_orders(world);
     let World { arena, units, alive_ids, scratch, .. } = world;
-    let Some(&marcher) = scratch.attack_moving.first() else { return };
     // Later than the orders, and by ascending id: units count who has the same target already.
     let attackers = &mut scratch.attackers;
     attackers.clear();
     for &id in &scratch.attack_moving {
         let outlook = look(arena, units, id);
-        count(arena, attackers, id, outlook.target, -1);
+        count(arena, attackers, id, outlook.previous, -1);
         if outlook.chooses {
             if attackers.is_empty() {
-                // Most ticks need no count: nobody chooses.
+                // Counted when the first unit chooses: in most ticks none does.
                 attackers.resize(units.pos.len(), 0);
-                for &other in alive_ids.faction_of(arena, marcher).iter().filter(|other| **other != id) {
+                for &other in alive_ids.all.iter().filter(|other| **other != id) {
                     count(arena, attackers, other, units.target[other as usize], 1);
                 }
             }
-            let best = best(arena, units, alive_ids, attackers, id, outlook.is_alarmed);
-            units.target[id as usize] = best.or(units.target[id as usize]);
+            if let Some(best) = best(arena, units, alive_ids, attackers, id, outlook.is_alarmed) {
+                units.target[id as usize] = Some(best);
+            }
         }
         count(arena, attackers, id, units.target[id as usize], 1);
     }
@@ -83,7 +83,7 @@ fn follow_orders(world: &mut World) {
     }
 }
 
-/// Counts a unit among those that attack its target, if they are counted.
+/// Counts a unit among those that attack its target. `attackers` is empty while nobody has counted them.
 fn count(arena: &Arena, attackers: &mut [i32], id: u32, target: Option<u32>, by: i32) {
     if let Some(target) = target.filter(|_| !arena.starcraft_stats[id as usize].is_healer)
         && let Some(attackers) = attackers.get_mut(target as usize)
@@ -108,14 +108,15 @@ fn follow_order(units: &mut Units, id: u32, target: Option<u32>) {
 /// What a unit finds when it looks at its target.
 struct Outlook {
     /// The target that it had.
-    target: Option<u32>,
+    previous: Option<u32>,
     /// Whether it chooses a target now.
     chooses: bool,
     /// Whether it then looks farther.
     is_alarmed: bool,
 }
 
-/// Lets an attack-moving unit keep its target or lose it.
+/// Lets an attack-moving unit keep its target or lose it, with the attack on it, and decides whether it chooses
+/// one in this tick.
 fn look(arena: &Arena, units: &mut Units, id: u32) -> Outlook {
     let (i, stats) = (id as usize, &arena.starcraft_stats[id as usize]);
     let target = units.target[i];
@@ -144,7 +145,7 @@ fn look(arena: &Arena, units: &mut Units, id: u32) -> Outlook {
     let is_lost = target.is_some() && kept.is_none();
     let chooses = is_lost || has_attacked || is_due && (kept.is_none() || is_idle && is_far);
     units.target[i] = kept;
-    Outlook { target, chooses, is_alarmed }
+    Outlook { previous: target, chooses, is_alarmed }
 }
 
 /// The best target within the range of a unit.
@@ -227,8 +228,8 @@ pub(super) fn remember(world: &mut World) {
 pub(super) fn alarm(world: &mut World, earned: &Earned) {
     let World { arena, units, alive_ids, scratch, .. } = world;
     let Some(&marcher) = scratch.attack_moving.first() else { return };
-    // Who loses health or shield earns the other side something.
-    if earned.of(arena.faction(marcher).opponent()) == 0.0 {
+    // Who loses health or shield earns somebody something.
+    if earned.allies + earned.enemies == 0.0 {
         return;
     }
     let own = alive_ids.faction_of(arena, marcher);

@@ -8,8 +8,9 @@ use crate::TICK;
 /// Lands the hits whose time has come.
 #[inline(never)]
 pub(super) fn land(world: &mut World, earned: &mut Earned) {
-    // None is launched before the last that was in flight is looked at here.
-    if !std::mem::take(&mut world.scratch.may_have_hits) && !world.scratch.is_first_tick {
+    // Attacks launch hits later in a tick than this, so here it says what the last tick left.
+    let may_have_hits = std::mem::take(&mut world.scratch.may_have_hits);
+    if !may_have_hits && !world.scratch.is_first_tick {
         return;
     }
     // Also those of the dead: a projectile outlives who fired it.

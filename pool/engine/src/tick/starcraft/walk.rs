@@ -19,20 +19,20 @@ const LOOK_AHEAD: f32 = 1.0;
 const TURN: [f32; 2] = [0.939_692_6, 0.342_020_15];
 /// How often it turns at most, to either side: up to 100 degrees.
 const MAX_TURNS: usize = 5;
-/// The directions into which it turns, in registers.
+/// How many registers the directions fill into which it turns.
 const TURN_REGISTERS: usize = (2 * MAX_TURNS).div_ceil(WIDTH);
 /// Units that touch do not block the way past each other.
 const TOUCH: f32 = 0.98;
 
-/// The units of a plane that stand in this tick, in groups that one instruction computes. There is memory for
-/// all units, and `len` of them count.
+/// The units of a plane that stand in this tick, in groups that one instruction computes. There are groups for
+/// all units, of which the first `len` count.
 #[derive(Debug, Default)]
 pub(in crate::tick) struct Standing {
     len: usize,
     groups: Vec<Group>,
 }
 
-/// A number per unit in each register.
+/// Four units, one per entry of each column.
 #[derive(Clone, Debug, Default)]
 struct Group {
     ids: [u32; WIDTH],
@@ -52,8 +52,7 @@ pub(in crate::tick) struct Near {
 
 impl Standing {
     pub fn reserve(&mut self, n_units: usize) {
-        // An entry more: it is written, and does not count, when all units stand.
-        self.groups.resize(n_units / WIDTH + 1, Group::default());
+        self.groups.resize(n_units.div_ceil(WIDTH), Group::default());
     }
 
     /// Adds a unit if it stands, without a branch: whether it does is hard to predict.
@@ -86,7 +85,7 @@ impl Standing {
             }
             let [x, y, reach] = [way.x, way.y, reach * touch].map(F32x4::to_array);
             while bits != 0 {
-                let entry = bits.trailing_zeros() as usize % WIDTH;
+                let entry = bits.trailing_zeros() as usize % WIDTH; // so that no index is checked
                 if Some(group.ids[entry]) != target {
                     near.push(Near { way: Vec2::new(x[entry], y[entry]), reach: reach[entry] });
                 }
