@@ -115,8 +115,8 @@ struct Outlook {
     is_alarmed: bool,
 }
 
-/// Lets an attack-moving unit keep its target or lose it, with the attack on it, and decides whether it chooses
-/// one in this tick.
+/// Lets an attack-moving unit keep its target or lose it, with the attack on it, and decides whether it
+/// chooses one in this tick.
 fn look(arena: &Arena, units: &mut Units, id: u32) -> Outlook {
     let (i, stats) = (id as usize, &arena.starcraft_stats[id as usize]);
     let target = units.target[i];
