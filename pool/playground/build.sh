@@ -39,7 +39,8 @@ RUSTC=${compiler[0]} RUSTC_BOOTSTRAP=1 RUSTFLAGS="-Zlocation-detail=none ${linke
 built=target/playground/$target/playground/smaclite_playground.wasm
 engine=target/playground/engine.wasm
 if command -v wasm-opt >/dev/null; then
-    wasm-opt -Oz --converge --enable-bulk-memory --enable-sign-ext --enable-nontrapping-float-to-int --enable-mutable-globals \
+    # Functions that are called most have the shortest numbers.
+    wasm-opt -Oz --converge --dae-optimizing --reorder-functions -Oz --enable-bulk-memory --enable-sign-ext --enable-nontrapping-float-to-int --enable-mutable-globals \
         "$built" -o $engine
 else
     cp "$built" $engine

@@ -17,8 +17,10 @@ const LOOK_AHEAD: f32 = 1.0;
 /// Cosine and sine of 20 degrees, by which a unit turns to find a free way; given as numbers, since the last
 /// bits of trigonometric functions depend on the machine.
 const TURN: [f32; 2] = [0.939_692_6, 0.342_020_15];
-/// The directions that it tries: up to five turns to either side, which is 100 degrees.
-const DIRECTIONS: usize = 10;
+/// How often it turns at most, to either side: up to 100 degrees.
+const MAX_TURNS: usize = 5;
+/// How many registers the directions fill into which it turns.
+const TURN_REGISTERS: usize = (2 * MAX_TURNS).div_ceil(WIDTH);
 /// Units that touch do not block the way past each other.
 const TOUCH: f32 = 0.98;
 
@@ -195,22 +197,33 @@ fn go_around(near: &[Near], wanted: Vec2, vel: Vec2) -> Vec2 {
     let side = if straight.perp_dot(vel) < 0.0 { -1.0 } else { 1.0 };
     let [cos, sin] = TURN;
     let turns = [Vec2::new(cos, sin * side), Vec2::new(cos, -sin * side)];
-    let (mut x, mut y) = ([straight.x; DIRECTIONS], [straight.y; DIRECTIONS]);
-    for at in 0..DIRECTIONS {
-        let before = if at < 2 { straight } else { Vec2::new(x[at - 2], y[at - 2]) };
-        (x[at], y[at]) = turns[at % 2].rotate(before).into();
+    let mut directions = [straight; 2 * MAX_TURNS];
+    for at in 0..directions.len() {
+        let before = if at < 2 { straight } else { directions[at - 2] };
+        directions[at] = turns[at % 2].rotate(before);
     }
-    // All directions are tried, since how many are blocked is hard to predict; one instruction computes
-    // several.
-    let mut blocked = [false; DIRECTIONS];
+    first_free(near, &directions).map_or(wanted, |free| free * speed)
+}
+
+/// The first of some directions in which no unit is in the way. All are tried at once, since how many are
+/// blocked is hard to predict.
+fn first_free(near: &[Near], directions: &[Vec2; 2 * MAX_TURNS]) -> Option<Vec2> {
+    let four = four();
+    let zero = F32x4::splat(four, 0.0);
+    let to: [Vec2x4; TURN_REGISTERS] = std::array::from_fn(|register| {
+        let direction = |entry| directions.get(register * WIDTH + entry).copied().unwrap_or(Vec2::ZERO);
+        Vec2x4::new(four, std::array::from_fn(direction))
+    });
+    let mut blocked = [0; TURN_REGISTERS];
     for &Near { way, reach } in near {
-        for ((blocked, x), y) in blocked.iter_mut().zip(x).zip(y) {
-            let (ahead, aside) = (way.x * x + way.y * y, way.x * y - way.y * x);
-            *blocked |= (ahead > 0.0) & (aside.abs() < reach);
+        let (way, reach) = (Vec2x4::splat(four, way), F32x4::splat(four, reach));
+        for (blocked, to) in blocked.iter_mut().zip(to) {
+            let (is_ahead, is_in_lane) = (way.dot(to).gt(zero), way.perp_dot(to).abs().lt(reach));
+            *blocked |= (is_ahead & is_in_lane).bits();
         }
     }
-    let free = blocked.iter().position(|blocked| !blocked);
-    free.map_or(wanted, |free| Vec2::new(x[free], y[free]) * speed)
+    let all = blocked.iter().rev().fold(0, |all, bits| all << WIDTH | bits);
+    directions.get(all.trailing_ones() as usize).copied()
 }
 
 /// Moves all living units, and lets them regenerate.
