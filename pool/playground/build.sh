@@ -40,7 +40,8 @@ built=target/playground/$target/playground/smaclite_playground.wasm
 engine=target/playground/engine.wasm
 if command -v wasm-opt >/dev/null; then
     # Functions that are called most have the shortest numbers.
-    wasm-opt -Oz --converge --dae-optimizing --reorder-functions -Oz --enable-bulk-memory --enable-sign-ext --enable-nontrapping-float-to-int --enable-mutable-globals \
+    wasm-opt -Oz --converge --dae-optimizing --reorder-functions -Oz \
+        --enable-bulk-memory --enable-sign-ext --enable-nontrapping-float-to-int --enable-mutable-globals \
         "$built" -o $engine
 else
     cp "$built" $engine
