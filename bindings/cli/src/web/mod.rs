@@ -32,7 +32,7 @@ use guard::Guard;
 use pages::{EDITOR_PATH, PLAYGROUND_PATH};
 use playground::Playground;
 use std::fs::File;
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
@@ -57,7 +57,7 @@ pub(crate) struct ServeOptions {
     /// Port to listen on; 0 means any free one
     #[arg(long, default_value_t = 0, value_parser = whole(0..=u16::MAX))]
     port: u16,
-    /// Open the page in the default browser, by xdg-open
+    /// Open the page in the default browser
     #[arg(long)]
     open: bool,
 }
@@ -208,13 +208,16 @@ impl Drop for Redirect {
 
 fn open_in_browser(url: &str) -> Option<Redirect> {
     let opened = write_redirect(url).and_then(|redirect| {
-        let mut command = Command::new("xdg-open");
-        command.arg(&redirect.0).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
-        let mut browser = command.spawn()?;
+        // Those of desktops, as xdg-open; the first that is installed.
+        let start = |mut command: Command| {
+            command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).spawn()
+        };
+        let mut started = open::commands(&redirect.0).into_iter().map(start);
+        let mut browser = started.find(Result::is_ok).unwrap_or_else(|| Err(ErrorKind::NotFound.into()))?;
         std::thread::spawn(move || browser.wait()); // so that it does not stay as a zombie
         Ok(redirect)
     });
-    opened.inspect_err(|error| err!("smaclite-pool: --open: xdg-open: {error}; open the URL")).ok()
+    opened.inspect_err(|error| err!("smaclite-pool: --open: no browser: {error}; open the URL")).ok()
 }
 
 fn write_redirect(url: &str) -> std::io::Result<Redirect> {

@@ -1,8 +1,13 @@
 //! `smaclite-pool play`: what cannot be played, and a step over the WebSocket.
 
 use crate::kit::check_error;
-use crate::page_kit::{Place, Url};
+use crate::page_kit::{PATIENCE, Place, Program, Url};
 use serde_json::{Value, json};
+use std::fs::{self, Permissions};
+use std::io::{BufReader, Read};
+use std::os::unix::fs::PermissionsExt;
+use std::process::Stdio;
+use std::time::{Duration, Instant};
 
 #[test]
 fn what_cannot_be_played_is_an_error() {
@@ -48,4 +53,38 @@ fn a_step_is_played_by_the_orders_of_the_page() {
     assert_eq!(session(json!({"type": "get_replay"}))["response"]["name"], "3m-seed4.smreplay");
     assert_eq!(page.error("unfollow", json!({})), "this request is one of another page");
     assert_eq!(play.interrupt(), Some(0));
+}
+
+/// Other users can read the arguments of a browser: the token of the page must not be among them.
+#[test]
+fn a_browser_gets_a_file_that_leads_to_the_page() {
+    let place = Place::new();
+    let (browser, opened) = (place.root().join("xdg-open"), place.root().join("opened"));
+    fs::write(&browser, "#!/bin/sh\n/bin/cp \"$1\" part && /bin/mv part opened\n").expect("a script");
+    fs::set_permissions(&browser, Permissions::from_mode(0o755)).expect("permissions");
+    let mut play = place.start("play 3m --open");
+    let url = play.line();
+    let begin = Instant::now();
+    while !opened.exists() && begin.elapsed() < PATIENCE {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    let file = fs::read_to_string(opened).expect("the browser was started");
+    assert!(file.contains(&format!("content=\"0;url={}\"", url.trim_end())), "{file}");
+}
+
+#[test]
+fn without_a_browser_the_url_can_be_opened() {
+    let place = Place::new();
+    let mut started = place.command("play 3m --open");
+    let mut child =
+        started.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the program starts");
+    let mut messages = child.stderr.take().expect("a pipe");
+    let mut play = Program { output: BufReader::new(child.stdout.take().expect("a pipe")), child };
+    let (status, _) = Url::new(play.line().trim_end()).page();
+    assert_eq!(status, 200);
+    play.interrupt();
+    let mut text = String::new();
+    messages.read_to_string(&mut text).expect("text");
+    assert!(text.contains("--open: no browser: "), "{text}");
+    assert!(text.trim_end().ends_with("open the URL"), "{text}");
 }
