@@ -59,8 +59,11 @@ pub fn end_at_exit(folder_use: FolderUse) {
 pub fn register_atexit(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let py = module.py();
     py.import("atexit")?.call_method1("register", (wrap_pyfunction!(close_all, module)?,))?;
-    let in_child = [("after_in_child", wrap_pyfunction!(forget_all, module)?)].into_py_dict(py)?;
-    py.import("os")?.call_method("register_at_fork", (), Some(&in_child))?;
+    // Windows does not fork.
+    if let Some(register) = py.import("os")?.getattr_opt("register_at_fork")? {
+        let in_child = [("after_in_child", wrap_pyfunction!(forget_all, module)?)].into_py_dict(py)?;
+        register.call((), Some(&in_child))?;
+    }
     Ok(())
 }
 

@@ -15,6 +15,12 @@ from pathlib import Path
 
 import pytest
 
+posix = pytest.mark.skipif(os.name != "posix", reason="this system has no signals, forks or shells")
+SERVES_OTHER_PROCESSES = sys.platform == "linux"
+serves_other_processes = pytest.mark.skipif(
+    not SERVES_OTHER_PROCESSES, reason="on this system pools serve their own process alone"
+)
+
 
 def note_test(outcome: str, name: str, reason: str) -> None:
     """Notes which tests ran and which were skipped, for the end of a run of several jobs (.ci/skipped.py)."""
@@ -58,7 +64,7 @@ def left_over(root: Path) -> list[str]:
 @pytest.fixture(autouse=True)
 def runtime_dir(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """The runtime directory of this test's pools. Its path is short, because it contains sockets."""
-    root = Path(tempfile.mkdtemp(prefix="sp-", dir="/tmp")).resolve()
+    root = Path(tempfile.mkdtemp(prefix="sp-", dir="/tmp" if os.name == "posix" else None)).resolve()
     monkeypatch.setenv("SMACLITE_POOL_ROOT", str(root))
     yield root
     gc.collect()  # a failed test's traceback may be in a cycle with its environments
@@ -75,6 +81,8 @@ Serve = Callable[..., "subprocess.Popen[str]"]
 @pytest.fixture
 def serve(runtime_dir: Path) -> Iterator[Serve]:
     """Starts `smaclite-pool serve` with the given arguments and returns it when learners can attach."""
+    if not SERVES_OTHER_PROCESSES:
+        pytest.skip("on this system pools serve their own process alone")
     started: list[subprocess.Popen[str]] = []
 
     def start(*args: str) -> subprocess.Popen[str]:

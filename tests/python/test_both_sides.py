@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 
+from conftest import serves_other_processes
+
 PROGRAM = [sys.executable, "-m", "smaclite_pool"]
 
 
@@ -94,6 +96,10 @@ def test_a_second_side_that_no_learner_plays_is_an_error() -> None:
         mirrored = sp.evaluate(envs, "kite", 16, seed=1, against=team)
         assert len(result) == 16 and result.won.sum() > 4 and mirrored.lost.sum() > 4
     sp.make("3m", 1, sides="both", opponent={"learner": 1, "kite": 1}).close()
+
+
+@serves_other_processes
+def test_serve_refuses_a_second_side_that_no_learner_plays() -> None:
     serve = [*PROGRAM, "serve", "3m:1", "--name", "never", "--sides", "both", "--opponent", "kite"]
     done = subprocess.run(serve, capture_output=True, text=True, check=False)
     assert done.returncode != 0 and "sides `both` needs opponent `learner`" in done.stderr
@@ -163,6 +169,7 @@ def test_snapshots_and_replays_have_both_sides(tmp_path: Path) -> None:
     assert run.returncode == 0, run.stderr + run.stdout
 
 
+@serves_other_processes
 def test_a_served_lane_has_both_sides(tmp_path: Path) -> None:
     command = [
         *PROGRAM,

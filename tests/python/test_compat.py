@@ -22,7 +22,7 @@ from gymnasium.wrappers import TimeLimit
 from smaclite_pool import compat
 from smaclite_pool._render import Window
 
-from conftest import run_script
+from conftest import posix, run_script
 
 GOLDEN = Path(__file__).resolve().parents[1] / "golden" / "steps"
 
@@ -316,6 +316,7 @@ def test_the_limit_by_variable(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("package", ["smaclite", "smac", "smacv2"])
+@posix
 def test_by_install_and_in_child_processes(tmp_path: Path, package: str) -> None:
     script = tmp_path / "children.py"
     script.write_text(IN_CHILDREN.replace("PACKAGE", package).replace("CODE", repr(PLAY[package])))

@@ -54,16 +54,22 @@ def made(**options: Any) -> Iterator[sp.Envs]:
 
 
 @pytest.mark.parametrize("autoreset", ["NextStep", "SameStep"])
-def test_every_way_of_stepping_shows_the_same_bits(serve: Serve, autoreset: Any) -> None:
+def test_every_way_of_stepping_in_this_process_shows_the_same_bits(autoreset: Any) -> None:
     with made(autoreset_mode=autoreset, threads=1) as envs:
         expected = histories(envs)
     assert len(set(expected)) == NUM_ENVS
     for threads, batch_size in [(2, NUM_ENVS), (3, 2), (1, 1), (2, 4)]:
         with made(autoreset_mode=autoreset, threads=threads, batch_size=batch_size) as envs:
             assert histories(envs) == expected, (threads, batch_size)
+
+
+@pytest.mark.parametrize("autoreset", ["NextStep", "SameStep"])
+def test_a_pool_in_another_process_shows_the_same_bits(serve: Serve, autoreset: Any) -> None:
+    with made(autoreset_mode=autoreset, threads=1) as envs:
+        expected = histories(envs)
     for batch_size in (NUM_ENVS, 2):
         options = ["--episode-limit", "25", "--obs-last-actions", "1", "--batch-size", str(batch_size)]
         name = f"conformance-{batch_size}"
         serve(f"2s3z:{NUM_ENVS}", "--name", name, "--autoreset-mode", autoreset, "--threads", "2", *options)
         with sp.connect(name, timeout=30) as envs:
-            assert histories(envs) == expected, f"another process, batches of {batch_size}"
+            assert histories(envs) == expected, f"batches of {batch_size}"

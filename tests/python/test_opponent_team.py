@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 
-from conftest import Serve, replayed
+from conftest import Serve, replayed, serves_other_processes
 
 PROGRAM = [sys.executable, "-m", "smaclite_pool"]
 SEEN = ("obs", "state", "avail_actions", "alive", "reward", "terminated", "truncated", "dead_enemies")
@@ -219,6 +219,7 @@ def test_what_cannot_play_the_enemies_is_an_error(
         sp.make(scenario, num_envs=2, **options)
 
 
+@serves_other_processes
 def test_serve_names_the_lane_of_a_team_that_does_not_fit() -> None:
     command = [*PROGRAM, "serve", "3m:2", "8m:2", "--opponent", "zoo:3m"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import smaclite_pool as sp
 
-from conftest import Serve
+from conftest import Serve, serves_other_processes
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 
@@ -39,6 +39,7 @@ def test_standard_scenarios_do_not_read_unit_files_of_the_working_directory(tmp_
     assert listed.returncode == 0 and "so_many_baneling" in listed.stdout, listed.stderr
 
 
+@serves_other_processes
 def test_bench_starts_its_second_process_in_the_same_virtual_environment() -> None:
     # The interpreter's link was followed to the system's Python, which does not have this package.
     options = ["--mode", "attached", "--num-envs", "2", "--seconds", "0.1"]

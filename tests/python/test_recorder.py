@@ -14,7 +14,7 @@ import pytest
 import smaclite_pool as sp
 from smaclite_pool.integrations.pettingzoo import parallel_env
 
-from conftest import Serve, replayed
+from conftest import Serve, posix, replayed
 
 
 def play(envs: sp.Envs, n_steps: int) -> list[tuple[float, int]]:
@@ -118,6 +118,7 @@ def test_integrations_record_too(tmp_path: Path) -> None:
     assert "recorded for 1 step" in episodes(tmp_path / "b.smreplay")[0]
 
 
+@posix
 def test_a_forked_child_writes_nothing(tmp_path: Path) -> None:
     path = tmp_path / "parent.smreplay"
     envs = sp.make("3m", 1, seed=0, record=path)

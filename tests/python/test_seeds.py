@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 
-from conftest import Serve
+from conftest import Serve, posix
 
 Bits = bytes
 
@@ -157,6 +157,7 @@ def state_of(kind: str) -> Bits:
 
 
 @pytest.mark.parametrize("kind", ["envs", "smac", "gymnasium", "pettingzoo"])
+@posix
 def test_forked_workers_do_not_play_the_same_battles(kind: str) -> None:
     """Forked processes inherit the state of NumPy's generator, so each had the same "random" seed."""
     if kind in ("gymnasium", "pettingzoo"):

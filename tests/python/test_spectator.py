@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 
-from conftest import Serve
+from conftest import Serve, serves_other_processes
 
 HOLDER = """
 import time
@@ -110,6 +110,7 @@ def is_readable(stream: IO[str]) -> bool:
     return bool(select([stream], [], [], 0.02)[0])
 
 
+@serves_other_processes
 def test_a_forked_child_and_a_dead_pool_are_errors() -> None:
     envs = sp.make("3m", 1)
     spectator = sp.Spectator(envs.name)

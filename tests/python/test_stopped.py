@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 import smaclite_pool as sp
 
-from conftest import Serve, run_script, stop
+from conftest import Serve, posix, run_script, stop
 
 
 class AlarmError(Exception):
@@ -83,6 +83,7 @@ except KeyboardInterrupt:
     assert (result.returncode, result.stdout) == (0, expected), result.stdout + result.stderr
 
 
+@posix
 def test_a_learner_with_a_pool_of_its_own_goes_on_after_a_stop() -> None:
     """A training that was suspended (Ctrl-Z) for two minutes ended with "no batch arrived within 120 s"."""
     script = """
@@ -138,6 +139,7 @@ def test_a_signal_ends_a_command_that_waits_for_a_stopped_pool(
     assert "interrupted" in printed and "did not answer" not in printed, printed
 
 
+@posix
 def test_a_forked_child_exits_at_once_while_its_parent_steps() -> None:
     """It waited 5 s for environments that were busy in its copy of the memory, looking every millisecond."""
     script = """
@@ -169,6 +171,7 @@ print(max(waits))
     assert int(result.stdout) < 200, result.stdout + result.stderr
 
 
+@posix
 def test_a_forked_child_closes_its_own_pool_at_exit() -> None:
     """It forgets its parent's environments, and closes its own."""
     script = """

@@ -20,6 +20,8 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 
+from conftest import posix
+
 SMALL = {"num_envs": 16, "horizon": 32, "threads": 2}
 
 
@@ -276,6 +278,7 @@ def continues(run: Path) -> None:
 
 
 @pytest.mark.parametrize("on_update", ["pass", "time.sleep(0.01)", "time.sleep(1000)"])
+@posix
 def test_ctrl_c_in_a_terminal_saves_the_last_update(on_update: str, tmp_path: Path) -> None:
     """A terminal sends Ctrl-C to all processes of its group. The program got it, and again from `train`,
     ended at once by the second, and up to a minute of training was lost. While `on_update` is slow, the
@@ -309,6 +312,7 @@ def test_an_exception_of_on_update_saves_the_last_update_and_passes_on(tmp_path:
     continues(tmp_path / "run")
 
 
+@posix
 def test_many_messages_do_not_stop_a_training(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
@@ -322,6 +326,7 @@ def test_many_messages_do_not_stop_a_training(
     assert len(capfd.readouterr().err) >= 1_000_000
 
 
+@posix
 def test_a_training_that_is_ended_from_outside_can_be_continued(tmp_path: Path) -> None:
     run, argv = tmp_path / "run", list[str]()
 

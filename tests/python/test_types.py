@@ -7,6 +7,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 import smaclite_pool as sp
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -20,6 +21,11 @@ def check(*command: str) -> None:
 
 def test_mypy_strict() -> None:
     check("mypy")
+
+
+@pytest.mark.parametrize("system", ["darwin", "win32"])
+def test_the_package_uses_nothing_that_another_system_lacks(system: str) -> None:
+    check("mypy", "--platform", system, "bindings/python")
 
 
 def test_the_stub_matches_the_module() -> None:

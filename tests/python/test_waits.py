@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 
-from conftest import Serve, left_over, run_script, stop
+from conftest import Serve, left_over, posix, run_script, stop
 
 
 @pytest.fixture
@@ -39,6 +39,7 @@ class Alarm(Exception):
 
 
 @pytest.mark.parametrize("wait", ["adaptive", "block", "spin"])
+@posix
 def test_a_signal_handlers_exception_ends_an_embedded_wait(wait: str) -> None:
     def ring(number: int, frame: FrameType | None) -> None:
         raise Alarm
@@ -183,6 +184,7 @@ def test_calls_to_a_stopped_supervisor_time_out(serve: Serve) -> None:
         envs.reset()
 
 
+@posix
 def test_an_interrupted_make_leaves_no_files(runtime_dir: Path) -> None:
     """What it had created is removed, at the interpreter's exit at the latest."""
     script = """
@@ -235,6 +237,7 @@ print("fine")
 """
 
 
+@posix
 def test_a_forked_child_gets_errors_and_does_not_affect_its_parent() -> None:
     done = run_script(FORK)
     assert done.stdout == "fine\n", done.stderr
@@ -265,6 +268,7 @@ print("fine")
 
 
 @pytest.mark.parametrize("how", ["close", "del"])
+@posix
 def test_an_embedded_pool_ends_while_a_forked_worker_waits_for_its_parent(how: str) -> None:
     """`close` once waited for a socket of which the worker had a copy: a deadlock that ignored Ctrl-C."""
     done = run_script(BESIDE_A_CHILD, how)

@@ -25,15 +25,15 @@ None of them is imported with this package, and each docstring begins with an ex
 `help("smaclite_pool.marl.smac")`.
 """
 
-from sys import abiflags
+import sys
 
-if "t" in abiflags:
+if "t" in getattr(sys, "abiflags", ""):  # Windows has these flags since Python 3.14
     # Not tested there: batches are views of memory that other threads may replace.
     raise ImportError(
         "smaclite_pool needs a Python with the global interpreter lock; this is a free-threaded build "
         "(python3.13t and the like): use the normal one of the same version"
     )
-del abiflags  # not a name of this package
+del sys  # not a name of this package
 
 from . import errors, extras
 from ._evaluation import Evaluation, evaluate

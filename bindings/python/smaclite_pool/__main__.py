@@ -12,8 +12,8 @@ def main() -> int:
     # The program handles Ctrl-C itself; Python's handler would raise KeyboardInterrupt after a clean end.
     signal.signal(signal.SIGINT, signal.SIG_DFL)
     # Scripts that complete commands call the program by this path. A module has none: its name, from PATH.
-    script = sys.argv[0] if os.path.basename(sys.argv[0]) == "smaclite-pool" else "smaclite-pool"
-    return run_program([script, *sys.argv[1:]])
+    is_script = os.path.basename(sys.argv[0]) in ("smaclite-pool", "smaclite-pool.exe")
+    return run_program([sys.argv[0] if is_script else "smaclite-pool", *sys.argv[1:]])
 
 
 if __name__ == "__main__":

@@ -20,6 +20,13 @@ from .errors import InvalidRequest, PoolError
 LINE_INTERVAL = 2.0
 """Seconds between two lines of progress."""
 
+# The program is apart from this one, so that Ctrl-C in a terminal reaches it once and from here: at a second
+# signal it ends at once, without a checkpoint.
+if sys.platform == "win32":
+    APART: dict[str, Any] = {"creationflags": subprocess.CREATE_NEW_PROCESS_GROUP}
+else:
+    APART: dict[str, Any] = {"start_new_session": True}
+
 
 def train(
     scenario: str | PathLike[str],
@@ -85,7 +92,7 @@ def opponent_text(opponent: str | PathLike[str] | Mapping[str, float] | Team) ->
             f"load_team({opponent.folder!r})"
         )
     # A folder without a slash may have the name of a script.
-    is_name = opponent.folder.startswith("zoo:") or "/" in opponent.folder
+    is_name = opponent.folder.startswith("zoo:") or Path(opponent.folder).name != opponent.folder
     return opponent.folder if is_name else f"./{opponent.folder}"
 
 
@@ -104,13 +111,9 @@ def option(name: str, value: object) -> list[str]:
 def run_program(argv: list[str], on_update: Callable[[dict[str, Any]], object], out: Path) -> None:
     """Trains and calls `on_update`. Its messages go to a file: nothing reads them until the program ends, and
     a pipe that is full would stop it."""
-    # In a session of its own, so that Ctrl-C in a terminal reaches it once and from here: at a second signal
-    # the program ends at once, without a checkpoint.
     with (
-        tempfile.TemporaryFile("w+", errors="replace") as messages,
-        subprocess.Popen(
-            argv, stdout=subprocess.PIPE, stderr=messages, text=True, start_new_session=True
-        ) as process,
+        tempfile.TemporaryFile("w+", encoding="utf-8", errors="replace") as messages,
+        subprocess.Popen(argv, stdout=subprocess.PIPE, stderr=messages, encoding="utf-8", **APART) as process,
     ):
         assert process.stdout is not None
         try:
@@ -118,16 +121,22 @@ def run_program(argv: list[str], on_update: Callable[[dict[str, Any]], object], 
                 on_update(json.loads(line))
             status = process.wait()
         except BaseException:
-            process.send_signal(signal.SIGINT)
-            process.communicate()  # its checkpoint is written
+            # When nobody reads its output it writes a checkpoint after its update and ends. A signal ends the
+            # update, too.
+            process.stdout.close()
+            if sys.platform != "win32":
+                process.send_signal(signal.SIGINT)
+            process.wait()
             raise
         messages.seek(0)
         text = messages.read().strip()
     if status > 128 or status < 0:
         number = status - 128 if status > 128 else -status
+        # Windows has no signals: there a status says what ended a program.
+        cause = f"signal {number}" if number <= 128 else f"status {status:#x}"
         raise PoolError(
-            f"signal {number} ended the training; `smaclite-pool train --resume {out}` continues it from its "
-            "last checkpoint"
+            f"{cause} ended the training; `smaclite-pool train --resume {out}` continues it from its last "
+            "checkpoint"
         )
     if status != 0:
         raise InvalidRequest(in_python(text))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import subprocess
 import sys
 
 from . import EPISODE_LIMIT_VARIABLE, FOLDERS
@@ -21,7 +22,7 @@ Without a script it prints the value for PYTHONPATH that has the same effect.
 
 
 def main() -> int:
-    """Print the path, or replace this process by Python with the path set. Returns the exit status."""
+    """Print the path, or run Python with the path set. Returns the exit status."""
     arguments, packages = sys.argv[1:], set()
     # Not argparse: the arguments after the options belong to Python and to the script, also -m and -c.
     while arguments and arguments[0].startswith("--"):
@@ -42,7 +43,10 @@ def main() -> int:
         print(os.pathsep.join(folders))
         return 0
     os.environ["PYTHONPATH"] = os.pathsep.join([*folders, *filter(None, [os.environ.get("PYTHONPATH")])])
-    os.execv(sys.executable, [sys.executable, *arguments])
+    command = [sys.executable, *arguments]
+    if sys.platform == "win32":  # where nobody waits for the process that replaces this one
+        return subprocess.run(command, check=False).returncode
+    os.execv(sys.executable, command)
 
 
 def _error(message: str) -> int:

@@ -67,6 +67,8 @@ def set_up(runner: Any, args: Any) -> None:
 
 def cpu_seconds() -> float:
     """CPU time of this process and its living children in seconds."""
+    if sys.platform != "linux":
+        raise SystemExit("error: processor time is read from Linux's /proc")
     ticks = 0
     for process in ["self", *(str(child.pid) for child in multiprocessing.active_children())]:
         fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
