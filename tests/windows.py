@@ -118,20 +118,22 @@ def test_package(wheel: Path, folder: Path, environment: dict[str, str], tests: 
     subprocess.run([*pip, str(wheel), *PACKAGES], check=True)
     (site / "sitecustomize.py").write_text(WITHOUT)
     left_out = [f"--ignore=tests/python/{name}" for name in LEFT_OUT]
-    command = ["wine", str(home / "python.exe"), "-B", "-m", "pytest", "-p", "no:cacheprovider", "--quiet"]
-    done = subprocess.run(
+    command = ["wine", str(home / "python.exe"), "-B", "-m", "pytest", "-p", "no:cacheprovider", "--verbose"]
+    with subprocess.Popen(
         [*command, *left_out, *(tests or ["tests/python"])],
         env=environment | {"PYTHONUTF8": "1"},
         # Wine's programs take no closed input, and no file for their output.
-        input=b"\n",
-        # Windows gives no more memory than it has; Wine gives it all, until the kernel ends the process.
-        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY)),
+        stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
-        check=False,
-    )
-    sys.stdout.buffer.write(done.stdout)
-    return done.returncode
+        # Windows gives no more memory than it has; Wine gives it all, until the kernel ends the process.
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY)),
+    ) as process:
+        assert process.stdout is not None
+        for line in process.stdout:
+            sys.stdout.buffer.write(line)
+            sys.stdout.buffer.flush()
+    return process.returncode
 
 
 def shown(result: object) -> str:

@@ -76,8 +76,8 @@ class StartError(PoolError, RuntimeError):
 
 
 class TooLittleMemory(PoolError, MemoryError):
-    """/dev/shm has too little free space, or the system gives this process too little memory; the message says
-    how much is needed, and how to provide it."""
+    """/dev/shm has too little free space, or the system gives this process too little memory. The message
+    says how much is needed, and how to provide it."""
 
 
 class ConnectError(PoolError, ConnectionError):
