@@ -100,7 +100,6 @@ NOT_RUN: dict[str, dict[str, str]] = {
         "pip install dist": INSTALLS,
         "python3 -m venv": INSTALLS,
         "pip install '.[": INSTALLS,
-        "apt install": INSTALLS,
     },
     "tutorials/watching.md": {
         "smaclite-pool watch": SERVES,
