@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import pytest
 import smaclite_pool as sp
 
-from conftest import SERVES_OTHER_PROCESSES
+from conftest import SERVES_OTHER_PROCESSES, posix
 
 PAGE = Path(__file__).resolve().parents[2] / "docs/reference/files.md"
 
@@ -256,6 +256,7 @@ def test_what_is_read(written: Path, tmp_path: Path, name: str, reader: str) -> 
     assert status == 0, output
 
 
+@posix
 @pytest.mark.parametrize(("name", "reader"), [cell[:2] for cell in cells() if not cell[2]])
 def test_what_is_refused(refusals: Callable[[str], dict[str, Result]], name: str, reader: str) -> None:
     status, output = refusals(name)[reader]

@@ -73,12 +73,12 @@ fn this_release() -> String {
 }
 
 fn hint(pools: &[String]) -> String {
-    if !SERVES_OTHER_PROCESSES {
-        "; on this system, only the process that a pool runs in can use it".to_owned()
-    } else if pools.is_empty() {
+    if !pools.is_empty() {
+        format!("; running: {}", pools.join(", "))
+    } else if SERVES_OTHER_PROCESSES {
         "; start one with `smaclite-pool serve SCENARIO:N --name NAME`".to_owned()
     } else {
-        format!("; running: {}", pools.join(", "))
+        "; on this system, only the process that a pool runs in can use it".to_owned()
     }
 }
 
