@@ -240,11 +240,11 @@ wheels *systems="x86_64 aarch64 macos windows": _venv
             --target $target $options --target-dir target || exit; \
     done
 
-# Try the Windows program and the Windows wheel under Wine, to the bit (Debian: apt install wine)
+# Compare the Windows program with this system's, to the bit, and test the Windows wheel, under Wine (Debian: apt install wine)
 windows *tests: build (wheels "windows")
     cargo build --release --quiet --bin smaclite-pool --target {{ for_windows }}
     {{ python }} tests/windows.py {{ program }} target/{{ for_windows }}/release/smaclite-pool.exe \
-        dist/*-win_amd64.whl {{ tests }}
+        "$(ls -t dist/*-win_amd64.whl | head -1)" {{ tests }}
 
 for_windows := "x86_64-pc-windows-gnu"
 

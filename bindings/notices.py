@@ -14,7 +14,10 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 FILE = ROOT / "THIRD-PARTY-LICENSES"
-TARGETS = ("x86_64-unknown-linux-gnu", "aarch64-unknown-linux-gnu")
+TARGETS = (
+    "x86_64-unknown-linux-gnu", "aarch64-unknown-linux-gnu",
+    "x86_64-apple-darwin", "aarch64-apple-darwin", "x86_64-pc-windows-gnu",
+)  # fmt: skip
 RULE = "=" * 100
 
 HEAD = """Third-party licences
@@ -49,7 +52,7 @@ def cargo(*arguments: str) -> str:
 
 
 def contained() -> set[tuple[str, str]]:
-    """Name and version of every crate of others in the extension module, of either processor."""
+    """Name and version of every crate of others in the extension module, on any system."""
     options = (
         "tree",
         "--package",

@@ -97,7 +97,7 @@ const MAX_LANES: usize = 64;
 ///     ScenarioError: the scenario is unknown, or a scenario or unit file is invalid.
 ///     InvalidRequest: another argument is invalid.
 ///     TypeError: an argument has the wrong type.
-///     TooLittleMemory: /dev/shm is too small, or elsewhere than on Linux the memory.
+///     TooLittleMemory: there is too little memory; on Linux in /dev/shm.
 ///     StartError: the pool could not start, for instance because its name is in use.
 // PyO3 shows only literals as defaults, so their text is repeated here; a test compares the two.
 #[pyfunction]
@@ -409,7 +409,7 @@ fn unique_name() -> String {
 ///     LaneTaken: the lane has another learner.
 ///     LaneFailed: the lane failed.
 ///     PoolDied: the pool ended during the call.
-///     TooLittleMemory: /dev/shm is too small, or elsewhere than on Linux the memory.
+///     TooLittleMemory: there is too little memory; on Linux in /dev/shm.
 ///     ConnectError: the pool has no such lane, did not answer in time, or is of another release.
 ///     InvalidRequest: an argument is invalid.
 #[pyfunction]

@@ -15,11 +15,15 @@ from pathlib import Path
 
 import pytest
 
+linux = pytest.mark.skipif(sys.platform != "linux", reason="it reads /proc")
 posix = pytest.mark.skipif(os.name != "posix", reason="this system has no signals, forks or shells")
 SERVES_OTHER_PROCESSES = sys.platform == "linux"
 serves_other_processes = pytest.mark.skipif(
     not SERVES_OTHER_PROCESSES, reason="on this system pools serve their own process alone"
 )
+
+# Pages and README serve pools, by commands of a POSIX shell; types are those of the tests for Linux.
+collect_ignore = [] if sys.platform == "linux" else ["test_docs.py", "test_readme.py", "test_types.py"]
 
 
 def note_test(outcome: str, name: str, reason: str) -> None:

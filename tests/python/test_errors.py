@@ -384,7 +384,7 @@ def test_a_typo_in_a_keyword_of_make_gets_a_suggestion() -> None:
 
 
 def test_a_free_threaded_python_is_refused() -> None:
-    code = "import sys; sys.abiflags = 't'; import smaclite_pool"
+    code = "import sys; sys.version = '3.14.0 free-threading build'; import smaclite_pool"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert "ImportError: smaclite_pool needs a Python with the global interpreter lock" in done.stderr
 

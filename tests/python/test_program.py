@@ -8,6 +8,7 @@ import platform
 import signal
 import subprocess
 import sys
+import sysconfig
 import time
 from pathlib import Path
 
@@ -27,7 +28,7 @@ def run(*command: str, cwd: Path | None = None) -> subprocess.CompletedProcess[s
 def test_the_program_runs_as_a_module_and_as_a_script() -> None:
     module = run("-m", "smaclite_pool", "scenarios")
     assert module.returncode == 0 and all(name in module.stdout for name in sp.scenarios())
-    script = Path(sys.executable).parent / "smaclite-pool"
+    script = Path(sysconfig.get_path("scripts")) / "smaclite-pool"
     done = subprocess.run([script, "scenarios"], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (0, module.stdout)
 
@@ -61,7 +62,7 @@ def test_doctor_knows_the_versions_of_python_and_numpy() -> None:
 
 
 def test_completions_run_the_script_of_the_virtual_environment() -> None:
-    script = Path(sys.executable).parent / "smaclite-pool"
+    script = Path(sysconfig.get_path("scripts")) / "smaclite-pool"
     command = [str(script), "completions", "bash"]
     printed = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     assert str(script) in printed

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 import smaclite_pool as sp
 
-from conftest import Serve, posix, run_script, stop
+from conftest import Serve, linux, posix, run_script, stop
 
 
 class AlarmError(Exception):
@@ -83,7 +83,7 @@ except KeyboardInterrupt:
     assert (result.returncode, result.stdout) == (0, expected), result.stdout + result.stderr
 
 
-@posix
+@linux
 def test_a_learner_with_a_pool_of_its_own_goes_on_after_a_stop() -> None:
     """A training that was suspended (Ctrl-Z) for two minutes ended with "no batch arrived within 120 s"."""
     script = """

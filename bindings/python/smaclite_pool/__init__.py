@@ -27,7 +27,7 @@ None of them is imported with this package, and each docstring begins with an ex
 
 import sys
 
-if "t" in getattr(sys, "abiflags", ""):  # Windows has these flags since Python 3.14
+if "free-threading" in sys.version:  # `sys.abiflags` is not there on Windows
     # Not tested there: batches are views of memory that other threads may replace.
     raise ImportError(
         "smaclite_pool needs a Python with the global interpreter lock; this is a free-threaded build "

@@ -58,7 +58,8 @@ def train(
             is always given.
 
     Ctrl-C, or another exception, as one of `on_update`, ends the training after its last update, which is
-    saved, and passes on: `smaclite-pool train --resume OUT` continues it.
+    saved, and passes on: `smaclite-pool train --resume OUT` continues it. On Windows the update or evaluation
+    in progress is its last.
 
     Raises InvalidRequest with the program's message if it fails, and PoolError if the program was ended by a
     signal.

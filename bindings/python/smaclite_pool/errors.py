@@ -77,7 +77,7 @@ class StartError(PoolError, RuntimeError):
 
 class TooLittleMemory(PoolError, MemoryError):
     """/dev/shm has too little free space, or the system gives this process too little memory. The message
-    says how much is needed, and how to provide it."""
+    says how much is needed, and what to do."""
 
 
 class ConnectError(PoolError, ConnectionError):

@@ -32,7 +32,7 @@ use guard::Guard;
 use pages::{EDITOR_PATH, PLAYGROUND_PATH};
 use playground::Playground;
 use std::fs::File;
-use std::io::{ErrorKind, Write};
+use std::io::{Error, ErrorKind, Write};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
@@ -208,16 +208,17 @@ impl Drop for Redirect {
 
 fn open_in_browser(url: &str) -> Option<Redirect> {
     let opened = write_redirect(url).and_then(|redirect| {
-        // Those of desktops, as xdg-open; the first that is installed.
+        // Programs that open the default browser, such as xdg-open; the first one that starts.
         let start = |mut command: Command| {
             command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).spawn()
         };
         let mut started = open::commands(&redirect.0).into_iter().map(start);
-        let mut browser = started.find(Result::is_ok).unwrap_or_else(|| Err(ErrorKind::NotFound.into()))?;
+        let missing = || Err(Error::new(ErrorKind::NotFound, "no program that opens a browser is installed"));
+        let mut browser = started.find(Result::is_ok).unwrap_or_else(missing)?;
         std::thread::spawn(move || browser.wait()); // so that it does not stay as a zombie
         Ok(redirect)
     });
-    opened.inspect_err(|error| err!("smaclite-pool: --open: no browser: {error}; open the URL")).ok()
+    opened.inspect_err(|error| err!("smaclite-pool: --open: {error}; open the URL")).ok()
 }
 
 fn write_redirect(url: &str) -> std::io::Result<Redirect> {

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 
@@ -45,6 +46,7 @@ def main() -> int:
     os.environ["PYTHONPATH"] = os.pathsep.join([*folders, *filter(None, [os.environ.get("PYTHONPATH")])])
     command = [sys.executable, *arguments]
     if sys.platform == "win32":  # where nobody waits for the process that replaces this one
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # the script gets Ctrl-C too, and decides
         return subprocess.run(command, check=False).returncode
     os.execv(sys.executable, command)
 

@@ -24,6 +24,7 @@ asynchronous.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -77,9 +78,11 @@ def pinned(batch: Batch) -> Iterator[None]:
     environments. Leave the block before the environments are closed. Hold a batch until its copy has
     finished, as its memory is reused once it is released.
 
-    Raises InvalidRequest without CUDA, and RuntimeError if CUDA refuses (the device must support
+    Raises InvalidRequest without CUDA or Linux, and RuntimeError if CUDA refuses (the device must support
     cudaDevAttrHostRegisterReadOnlySupported).
     """
+    if sys.platform != "linux":
+        raise InvalidRequest("pinning needs Linux; leave it out")
     if not torch.cuda.is_available():
         raise InvalidRequest("pinning serves copies to a GPU, but torch finds no CUDA device; leave it out")
     address = batch.env_id.ctypes.data

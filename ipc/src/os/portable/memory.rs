@@ -16,7 +16,8 @@ pub struct TooLittleMemory {
 /// Bytes that iceoryx2 needs beside frames and requests for the ports of one process at one lane.
 pub(crate) const PORTS: usize = 128 << 10;
 
-/// Checks that `needed` bytes can be had, in one piece.
+/// Checks that `needed` bytes can be had, in one piece: where the system keeps what it promises, as Windows
+/// does. macOS promises more memory than it has.
 pub(crate) fn check_room(needed: usize, for_what: &str) -> Result<(), TooLittleMemory> {
     let mut memory = Vec::<u8>::new();
     let taken = memory.try_reserve_exact(needed);
