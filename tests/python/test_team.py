@@ -393,6 +393,7 @@ def test_a_damaged_description_is_an_error_with_the_name_of_its_file(
     assert messages
 
 
+@posix
 def test_files_that_are_pipes_are_refused(folder: Path, tmp_path: Path) -> None:
     shutil.copytree(folder, tmp_path / "run")
     (tmp_path / "run/weights.safetensors").unlink()
