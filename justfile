@@ -240,7 +240,7 @@ wheels *systems="x86_64 aarch64 macos windows": _venv
             --target $target $options --target-dir target || exit; \
     done
 
-# Compare the Windows program with this system's, to the bit, and test the Windows wheel, under Wine (Debian: apt install wine)
+# Compare the Windows program with this system's, to the bit, and test the Windows wheel, under Wine (Debian: apt install wine gcc-mingw-w64-x86-64-posix)
 windows *tests: build (wheels "windows")
     cargo build --release --quiet --bin smaclite-pool --target {{ for_windows }}
     {{ python }} tests/windows.py {{ program }} target/{{ for_windows }}/release/smaclite-pool.exe \

@@ -18,9 +18,8 @@ import pytest
 linux = pytest.mark.skipif(sys.platform != "linux", reason="it reads /proc")
 posix = pytest.mark.skipif(os.name != "posix", reason="this system has no signals, forks or shells")
 SERVES_OTHER_PROCESSES = sys.platform == "linux"
-serves_other_processes = pytest.mark.skipif(
-    not SERVES_OTHER_PROCESSES, reason="on this system pools serve their own process alone"
-)
+SERVES_ITSELF = "on this system pools serve their own process alone"
+serves_other_processes = pytest.mark.skipif(not SERVES_OTHER_PROCESSES, reason=SERVES_ITSELF)
 
 # Pages and README serve pools, by commands of a POSIX shell; types are those of the tests for Linux.
 collect_ignore = [] if sys.platform == "linux" else ["test_docs.py", "test_readme.py", "test_types.py"]
@@ -86,7 +85,7 @@ Serve = Callable[..., "subprocess.Popen[str]"]
 def serve(runtime_dir: Path) -> Iterator[Serve]:
     """Starts `smaclite-pool serve` with the given arguments and returns it when learners can attach."""
     if not SERVES_OTHER_PROCESSES:
-        pytest.skip("on this system pools serve their own process alone")
+        pytest.skip(SERVES_ITSELF)
     started: list[subprocess.Popen[str]] = []
 
     def start(*args: str) -> subprocess.Popen[str]:
