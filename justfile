@@ -197,7 +197,7 @@ fuzz-corpus $RUSTC_BOOTSTRAP="1":
     done
 
 # Test engine and pool with valgrind: uninitialised or out-of-bounds reads, leaks
-valgrind $CARGO_TARGET_X86_64_UNKNOWN_LINUX_GNU_RUNNER=memcheck:
+valgrind $CARGO_TARGET_X86_64_UNKNOWN_LINUX_GNU_RUNNER=memcheck $CARGO_PROFILE_RELEASE_DEBUG="line-tables-only":
     cargo test --release -p smaclite-engine -p smaclite-pool
     cargo test --release -p smaclite-tests --test in_memory
 

@@ -1,8 +1,9 @@
 //! What the measurements of the engine have in common: the battles that they play. Times differ between runs
 //! and between machines; instructions hardly do, so changes of the engine are judged by instructions first.
 
-use smaclite_cli::bench::play::{AfterEpisode, Player, Policy, Recording};
+use smaclite_cli::bench::policy::Policy;
 use smaclite_engine::{Arena, Rules};
+use smaclite_lab::{ActionTrace, AfterEpisode, TracePlayer};
 use smaclite_scenarios::{Scenario, ScenarioError};
 use std::sync::Arc;
 
@@ -39,8 +40,8 @@ pub(crate) fn record(
     rules: Rules,
     policy: Policy,
     steps: usize,
-) -> Result<(Player, Recording), ScenarioError> {
+) -> Result<(TracePlayer, ActionTrace), ScenarioError> {
     let arena = Arc::new(Arena::new(&Scenario::resolve(scenario)?, rules));
-    let recording = Recording::new(&arena, 1, steps, policy, AfterEpisode::ResetAndPlay);
-    Ok((Player::new(arena), recording))
+    let trace = policy.record(&arena, 1, steps, AfterEpisode::ResetAndPlay);
+    Ok((TracePlayer::new(arena), trace))
 }

@@ -4,8 +4,9 @@
 //! The phases of the engine are not inlined into each other, so each is a function in callgrind's output.
 
 use crate::engine::{Plays, record};
-use smaclite_cli::bench::play::{Player, Policy, Recording};
+use smaclite_cli::bench::policy::Policy;
 use smaclite_engine::{Arena, Battle, RecordLayout, RecordSizes, Rules, Scratch, Snapshot};
+use smaclite_lab::{ActionTrace, TracePlayer};
 use smaclite_scenarios::{Scenario, ScenarioError};
 use std::collections::HashMap;
 use std::error::Error;
@@ -87,8 +88,8 @@ pub(crate) fn play_once(
     policy: Policy,
     steps: usize,
 ) -> Result<(), Box<dyn Error>> {
-    let (mut player, recording) = record(scenario, rules, policy, steps)?;
-    play_counted(&mut player, &recording, &mut Scratch::new());
+    let (mut player, trace) = record(scenario, rules, policy, steps)?;
+    play_counted(&mut player, &trace, &mut Scratch::new());
     Ok(())
 }
 
@@ -98,8 +99,8 @@ const COUNTED_FORK: &str = "instructions::play_counted_fork";
 
 /// Not inlined: callgrind counts inside this function only.
 #[inline(never)]
-fn play_counted(player: &mut Player, recording: &Recording, scratch: &mut Scratch) {
-    player.play(recording, scratch);
+fn play_counted(player: &mut TracePlayer, trace: &ActionTrace, scratch: &mut Scratch) {
+    player.play(trace, scratch);
 }
 
 /// This program as `second` under valgrind. glibc chooses `memcpy` by the processor, which changes counts by

@@ -17,7 +17,7 @@ mod symmetry;
 mod transport;
 
 use clap::{Parser, Subcommand};
-use smaclite_cli::bench::play::Policy;
+use smaclite_cli::bench::policy::Policy;
 use smaclite_cli::bench::throughput::Workload;
 use smaclite_cli::process::wait_for_termination;
 use smaclite_engine::Rules;

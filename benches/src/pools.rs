@@ -1,7 +1,7 @@
 //! Pools compared with the engine alone, with each other, and by their number of environments.
 
 use crate::second_process;
-use smaclite_cli::bench::play::Policy;
+use smaclite_cli::bench::policy::Policy;
 use smaclite_cli::bench::throughput::median;
 use smaclite_cli::bench::throughput::{Mode, Throughput, Workload};
 use smaclite_cli::process::interrupt_flag;

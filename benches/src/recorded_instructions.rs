@@ -5,7 +5,7 @@
 //! too, and every check says which of them differ.
 
 use crate::instructions::{CountError, per_fork_and_unit, per_unit_tick, under_valgrind};
-use smaclite_cli::bench::play::Policy;
+use smaclite_cli::bench::policy::Policy;
 use smaclite_scenarios::Scenario;
 use std::error::Error;
 use std::fmt::Write;

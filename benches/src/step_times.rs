@@ -2,9 +2,9 @@
 //! and in a battle that is played again and again, which the branch predictor learns.
 
 use crate::engine::{Plays, record};
-use smaclite_cli::bench::play::{AfterEpisode, Player, Recording};
 use smaclite_cli::bench::throughput::median;
 use smaclite_engine::Scratch;
+use smaclite_lab::{ActionTrace, AfterEpisode, TracePlayer};
 use std::error::Error;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -19,9 +19,9 @@ pub(crate) fn measure(plays: &Plays, seconds: f64) -> Result<(), Box<dyn Error>>
     println!("{:16} {:>8} {:>10} {:>10} {:>10}", "scenario", "fresh", "steps/s", "replayed", "steps/s");
     let mut logarithms = [Vec::new(), Vec::new()];
     for scenario in plays.scenarios() {
-        let (mut player, recording) = record(&scenario, plays.rules, plays.policy, plays.steps)?;
+        let (mut player, trace) = record(&scenario, plays.rules, plays.policy, plays.steps)?;
         let fresh = fresh(&mut player, plays, time);
-        let replayed = replayed(&mut player, &recording, time);
+        let replayed = replayed(&mut player, &trace, time);
         println!(
             "{scenario:16} {:8.1} {:10.0} {:10.1} {:10.0}",
             fresh.per_unit_tick,
@@ -46,8 +46,8 @@ struct Times {
 }
 
 /// The times of battles that are played for the first time: medians over battles from seed 2 on.
-fn fresh(player: &mut Player, plays: &Plays, time: Duration) -> Times {
-    // A recording is made by playing. Until the battle is measured, so many others are played that the branch
+fn fresh(player: &mut TracePlayer, plays: &Plays, time: Duration) -> Times {
+    // A trace is made by playing. Until the battle is measured, so many others are played that the branch
     // predictor has forgotten it.
     const GROUP: u64 = 16;
     let arena = Arc::clone(player.battle().arena());
@@ -55,14 +55,14 @@ fn fresh(player: &mut Player, plays: &Plays, time: Duration) -> Times {
     let (mut scratch, mut seed) = (Scratch::new(), 2);
     let begin = Instant::now();
     while per_step.is_empty() || begin.elapsed() < time {
-        let new = |seed| Recording::new(&arena, seed, plays.steps, plays.policy, AfterEpisode::ResetAndPlay);
-        let recordings: Vec<Recording> = (seed..seed + GROUP).map(new).collect();
+        let new = |seed| plays.policy.record(&arena, seed, plays.steps, AfterEpisode::ResetAndPlay);
+        let traces: Vec<ActionTrace> = (seed..seed + GROUP).map(new).collect();
         seed += GROUP;
-        for recording in &recordings {
+        for trace in &traces {
             let begin = Instant::now();
-            player.play(recording, &mut scratch);
+            player.play(trace, &mut scratch);
             let total = begin.elapsed().as_nanos() as f64;
-            per_unit_tick.push(total / recording.unit_ticks() as f64);
+            per_unit_tick.push(total / trace.unit_ticks() as f64);
             per_step.push(total / plays.steps as f64);
         }
     }
@@ -70,22 +70,22 @@ fn fresh(player: &mut Player, plays: &Plays, time: Duration) -> Times {
 }
 
 /// The times of a battle that is played again and again, from the shortest time of each step.
-fn replayed(player: &mut Player, recording: &Recording, time: Duration) -> Times {
-    let mut shortest = vec![u64::MAX; recording.steps().count()];
+fn replayed(player: &mut TracePlayer, trace: &ActionTrace, time: Duration) -> Times {
+    let mut shortest = vec![u64::MAX; trace.steps().count()];
     let mut scratch = Scratch::new();
     let begin = Instant::now();
     while shortest.first() == Some(&u64::MAX) || begin.elapsed() < time {
-        play_timed(player, recording, &mut scratch, &mut shortest);
+        play_timed(player, trace, &mut scratch, &mut shortest);
     }
     let total = shortest.iter().sum::<u64>() as f64;
-    Times { per_unit_tick: total / recording.unit_ticks() as f64, per_step: total / shortest.len() as f64 }
+    Times { per_unit_tick: total / trace.unit_ticks() as f64, per_step: total / shortest.len() as f64 }
 }
 
-/// Plays a recording and keeps the shortest time in nanoseconds that each of its steps has taken so far:
+/// Plays a trace and keeps the shortest time in nanoseconds that each of its steps has taken so far:
 /// other programs share the processor, and a step usually ends before they interrupt it.
-fn play_timed(player: &mut Player, recording: &Recording, scratch: &mut Scratch, shortest: &mut [u64]) {
-    player.rewind(recording);
-    for (actions, shortest) in recording.steps().zip(shortest) {
+fn play_timed(player: &mut TracePlayer, trace: &ActionTrace, scratch: &mut Scratch, shortest: &mut [u64]) {
+    player.rewind(trace);
+    for (actions, shortest) in trace.steps().zip(shortest) {
         let begin = Instant::now();
         player.step(actions, AfterEpisode::ResetAndPlay, scratch);
         *shortest = (*shortest).min(begin.elapsed().as_nanos() as u64);

@@ -1,11 +1,13 @@
 //! What is done with trained teams and their runs: `tournament` lets players meet, `exploit` trains a team
 //! against another one, `report` compares runs of several algorithms (`statistics`), `verify` plays recorded
-//! evaluations again, and `dataset` keeps what teams play, for offline learning.
+//! evaluations again, `dataset` keeps what teams play, for offline learning, and `action_trace` plays battles whose
+//! speed is measured.
 //!
 //! It uses of the learner (`smaclite_learn`) what any program can, and the learner nothing of it.
 
 #![forbid(unsafe_code)]
 
+mod action_trace;
 mod dataset;
 mod exploit;
 mod report;
@@ -13,6 +15,7 @@ mod statistics;
 mod tournament;
 mod verify;
 
+pub use action_trace::{ActionTrace, AfterEpisode, TracePlayer};
 pub use dataset::{
     ARRAYS, Amount, ArrayName, ArraySpec, Card, Dataset, DatasetError, Distribution,
     Episode as RecordedEpisode, PerRow, Policy, PolicyCard, Quality, Recording, SUFFIX as DATASET_SUFFIX,

@@ -2,7 +2,7 @@
 //! the modules measure. The program `smaclite-benches` uses those that are public.
 
 pub mod paper;
-pub mod play;
+pub mod policy;
 pub(crate) mod this_program;
 pub mod throughput;
 
@@ -11,7 +11,7 @@ use crate::process::{interrupt_flag, resident_bytes};
 use crate::table::Table;
 use crate::{CommandResult, THREADS, check_range, completions, megabytes};
 use clap::Args;
-use play::Policy;
+use policy::Policy;
 use smaclite_engine::Rules;
 use smaclite_ipc::WaitStrategy;
 use smaclite_pool::{MAX_ENVS, PoolOptions};

@@ -1,7 +1,7 @@
 //! The speed table of the SMAClite paper ("Average seconds per timestep"), measured on this machine.
 
-use super::play::{AfterEpisode, Player};
 use smaclite_engine::{Arena, Rules, Scratch, policy};
+use smaclite_lab::{AfterEpisode, TracePlayer};
 use smaclite_scenarios::{Scenario, ScenarioError};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -43,7 +43,7 @@ pub const TABLE: [PaperRow; 6] = [
 pub fn seconds_per_step(scenario: &str) -> Result<f64, ScenarioError> {
     let arena = Arc::new(Arena::new(&Scenario::resolve(scenario)?, Rules::default()));
     let mut actions = vec![0; arena.sizes().n_agents];
-    let (mut player, mut random) = (Player::new(arena), policy::Random::new(0));
+    let (mut player, mut random) = (TracePlayer::new(arena), policy::Random::new(0));
     let mut scratch = Scratch::new();
     let (mut steps, mut time) = (0u32, Duration::ZERO);
     for _ in 0..EPISODES {

@@ -67,10 +67,9 @@ pub(super) fn write(
     let renderer = Renderer::new(scenario, options)?;
     let draw = |i: usize| renderer.render_recent(&moments[..=i.min(moments.len() - 1)]);
     let n_frames = moments.len() + fps.round() as usize;
-    let frames = (0..n_frames).map(draw);
     match format {
-        Format::Gif => write_file(to, |output| write_gif(output, frames, fps)),
-        Format::Mp4 => write_mp4(to, options, frames, fps),
+        Format::Gif => write_file(to, |output| write_gif(output, n_frames, &draw, fps)),
+        Format::Mp4 => write_mp4(to, options, (0..n_frames).map(draw), fps),
         Format::Frames => write_folder(to, (0..moments.len()).map(draw)),
         Format::Page | Format::Snapshot => Err(format!("{} is not made of frames", format.name()).into()),
     }

@@ -25,6 +25,7 @@ use iceoryx2_bb_elementary_traits::testing::abandonable::Abandonable;
 use iceoryx2_bb_lock_free::mpmc::counting_bit_set::RelocatableCountingBitSet;
 use iceoryx2_cal::event::trigger::{State, unix_datagram_socket::GenericUnixDatagramSocketTrigger};
 use iceoryx2_cal::resizable_shared_memory::dynamic::DynamicMemory;
+use iceoryx2_cal::serialize::postcard::Postcard;
 use iceoryx2_cal::shared_memory::common::details::{AllocatorDetails, Memory};
 use iceoryx2_cal::shm_allocator::bump_allocator::BumpAllocator;
 use iceoryx2_cal::shm_allocator::pool_allocator::PoolAllocator;
@@ -41,7 +42,7 @@ type Base = ipc_threadsafe::Service;
 impl Service for PoolService {
     type ServiceNameHasher = <Base as Service>::ServiceNameHasher;
     type StaticStorage = small_file::Storage;
-    type ConfigSerializer = <Base as Service>::ConfigSerializer;
+    type ConfigSerializer = Postcard;
     type PersistentDynamicStorage<T: Debug + Send + Sync + ZeroCopySend + 'static> = Storage<T>;
     type Bag = <Base as Service>::Bag;
     type DynamicStorage<T: Debug + Send + Sync + ZeroCopySend + 'static> = Storage<T>;

@@ -10,6 +10,7 @@ use iceoryx2_bb_lock_free::mpmc::counting_bit_set::RelocatableCountingBitSet;
 use iceoryx2_cal::dynamic_storage::recommended::Local;
 use iceoryx2_cal::event::trigger::State;
 use iceoryx2_cal::event::trigger::semaphore::{GenericSemaphoreTrigger, SemaphoreMgmt};
+use iceoryx2_cal::serialize::postcard::Postcard;
 use std::fmt::Debug;
 
 /// iceoryx2's service for threads that share ports.
@@ -21,7 +22,7 @@ type Base = local_threadsafe::Service;
 impl Service for PoolService {
     type ServiceNameHasher = <Base as Service>::ServiceNameHasher;
     type StaticStorage = <Base as Service>::StaticStorage;
-    type ConfigSerializer = <Base as Service>::ConfigSerializer;
+    type ConfigSerializer = Postcard;
     type PersistentDynamicStorage<T: Debug + Send + Sync + ZeroCopySend + 'static> =
         <Base as Service>::PersistentDynamicStorage<T>;
     type Bag = <Base as Service>::Bag;

@@ -66,7 +66,7 @@ impl Picture {
     ///
     /// # Errors
     /// [`EncodeError::Io`] if the output cannot be written.
-    pub fn write_png(&self, output: impl Write) -> Result<(), EncodeError> {
+    pub fn write_png(&self, output: &mut dyn Write) -> Result<(), EncodeError> {
         let mut encoder = Encoder::new(output, self.width, self.height);
         encoder.set_color(ColorType::Rgb);
         encoder.set_depth(BitDepth::Eight);

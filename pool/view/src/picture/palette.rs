@@ -43,20 +43,27 @@ fn coordinate(cell: usize, channel: usize) -> usize {
     cell >> (BITS as usize * (2 - channel)) & ((1 << BITS) - 1)
 }
 
-impl Palette {
-    /// The index that stands for no change.
-    pub const TRANSPARENT: u8 = 255;
+/// The colours of some pictures.
+pub(super) struct Colours(Vec<Count>);
 
-    /// The palette of some pictures.
-    pub fn of(pictures: impl Iterator<Item = Picture>) -> Palette {
-        let mut counts = vec![Count::default(); N_CELLS];
-        for picture in pictures {
-            for rgb in picture.rgb.chunks_exact(3) {
-                counts[cell(rgb)].add(1, [rgb[0], rgb[1], rgb[2]].map(u64::from));
-            }
+impl Colours {
+    /// Those of no picture.
+    pub fn new() -> Colours {
+        Colours(vec![Count::default(); N_CELLS])
+    }
+
+    /// Counts those of one more picture.
+    pub fn count(&mut self, picture: &Picture) {
+        for rgb in picture.rgb.chunks_exact(3) {
+            self.0[cell(rgb)].add(1, [rgb[0], rgb[1], rgb[2]].map(u64::from));
         }
+    }
+
+    /// The palette of the pictures.
+    pub fn palette(&self) -> Palette {
+        let Colours(counts) = self;
         let mut palette = Palette { rgb: Vec::new(), indices: vec![0; N_CELLS] };
-        for (index, cells) in boxes(&counts, usize::from(Palette::TRANSPARENT)).iter().enumerate() {
+        for (index, cells) in boxes(counts, usize::from(Palette::TRANSPARENT)).iter().enumerate() {
             let mut total = Count::default();
             cells.iter().for_each(|&cell| total.add(counts[cell].pixels, counts[cell].sum));
             palette.rgb.extend(total.mean());
@@ -65,6 +72,11 @@ impl Palette {
         palette.rgb.resize(256 * 3, 0);
         palette
     }
+}
+
+impl Palette {
+    /// The index that stands for no change.
+    pub const TRANSPARENT: u8 = 255;
 
     /// Red, green and blue of 256 colours.
     pub fn rgb(&self) -> &[u8] {

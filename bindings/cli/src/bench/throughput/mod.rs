@@ -6,11 +6,12 @@
 mod engine;
 mod pool;
 
-use crate::bench::play::{AfterEpisode, Policy, Recording};
+use crate::bench::policy::Policy;
 use clap::ValueEnum;
 use serde::Serialize;
 use smaclite_engine::{Arena, Rules};
 use smaclite_ipc::{ClientError, ConnectError, RuntimeDirError, StartError};
+use smaclite_lab::{ActionTrace, AfterEpisode};
 use smaclite_pool::PoolOptions;
 use smaclite_scenarios::{Scenario, ScenarioError, ScenarioFiles};
 use std::process::{Command, ExitStatus};
@@ -123,8 +124,8 @@ impl Workload {
     }
 
     /// What a pool's environments play, by environment.
-    fn record(&self, arena: &Arc<Arena>) -> Vec<Recording> {
-        let record = |seed| Recording::new(arena, seed, RECORDED_STEPS, self.policy, AfterEpisode::Reset);
+    fn record(&self, arena: &Arc<Arena>) -> Vec<ActionTrace> {
+        let record = |seed| self.policy.record(arena, seed, RECORDED_STEPS, AfterEpisode::Reset);
         (SEED..).take(self.num_envs).map(record).collect()
     }
 }
@@ -199,10 +200,10 @@ struct Counts {
 }
 
 impl Counts {
-    fn of_recordings(recordings: &[Recording], passes: u64, time: Duration, rss_bytes: usize) -> Counts {
+    fn of_traces(traces: &[ActionTrace], passes: u64, time: Duration, rss_bytes: usize) -> Counts {
         Counts {
-            steps: passes * recordings.iter().map(Recording::played).sum::<u64>(),
-            unit_ticks: passes * recordings.iter().map(Recording::unit_ticks).sum::<u64>(),
+            steps: passes * traces.iter().map(ActionTrace::played).sum::<u64>(),
+            unit_ticks: passes * traces.iter().map(ActionTrace::unit_ticks).sum::<u64>(),
             time,
             rss_bytes,
         }

@@ -1,7 +1,7 @@
 //! A whole pool, in this process or in another one, with a learner in this process.
 
 use super::{Counts, Interrupt, MeasureError, Mode, SEED, Workload};
-use crate::bench::play::Policy;
+use crate::bench::policy::Policy;
 use crate::process::{SecondProcess, resident_bytes};
 use smaclite_engine::{Arena, BattleSetup, TICKS_PER_STEP};
 use smaclite_ipc::{
@@ -115,8 +115,8 @@ fn replay(
     client: &mut Client,
     interrupt: Interrupt<'_>,
 ) -> Result<Counts, MeasureError> {
-    let recordings = workload.record(&Arc::new(Arena::new(&workload.scenario, workload.rules)));
-    let actions_of = |step| recordings.iter().flat_map(|recording| recording.step(step)).copied().collect();
+    let traces = workload.record(&Arc::new(Arena::new(&workload.scenario, workload.rules)));
+    let actions_of = |step| traces.iter().flat_map(|trace| trace.step(step)).copied().collect();
     let batches: Vec<Vec<i32>> = (0..super::RECORDED_STEPS).map(actions_of).collect();
     let mut play_all = || -> Result<(), MeasureError> {
         client.reset(Some(SEED), None, wait_options(&mut || false))?;
@@ -132,7 +132,7 @@ fn replay(
         play_all()?;
         passes += 1;
     }
-    Ok(Counts::of_recordings(&recordings, passes, begin.elapsed(), 0))
+    Ok(Counts::of_traces(&traces, passes, begin.elapsed(), 0))
 }
 
 /// Samples available actions of all environments.

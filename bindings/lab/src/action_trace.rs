@@ -1,31 +1,9 @@
-//! Playing battles with actions that were chosen beforehand, so that only stepping is measured. Equal seeds
-//! and actions give equal battles.
+//! Battles with actions that were chosen beforehand, so that only stepping is measured. Equal seeds and
+//! actions give equal battles.
 
-use clap::ValueEnum;
-use serde::Serialize;
-use smaclite_engine::{Arena, Battle, Scratch, TICKS_PER_STEP, policy};
+use smaclite_engine::{Arena, Battle, Scratch, TICKS_PER_STEP};
 use std::hint::black_box;
 use std::sync::Arc;
-
-/// How the agents choose their actions.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Policy {
-    /// Move to the nearest enemy and attack it; healers heal. Recorded before the measurement
-    Nearest,
-    /// Uniformly random available actions. Recorded before the measurement
-    Random,
-    /// Uniformly random available actions, sampled by the learner during the measurement (recorded as
-    /// `random` in the mode `engine`, which has no learner)
-    Sampled,
-}
-
-impl Policy {
-    /// The name that is typed on the command line.
-    pub fn name(self) -> String {
-        self.to_possible_value().map_or(String::new(), |value| value.get_name().to_owned())
-    }
-}
 
 /// What the step after the end of an episode does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,7 +15,7 @@ pub enum AfterEpisode {
 }
 
 /// The actions of one battle from its seed on.
-pub struct Recording {
+pub struct ActionTrace {
     seed: u64,
     n_agents: usize,
     after_episode: AfterEpisode,
@@ -47,40 +25,36 @@ pub struct Recording {
     unit_ticks: u64,
 }
 
-impl Recording {
-    /// Lets a policy play `length` steps of a battle with this seed.
+impl ActionTrace {
+    /// Plays `length` steps of a battle with this seed and the actions that `choose` writes, one per agent.
     ///
     /// # Panics
-    /// If the policy chooses an unavailable action.
+    /// If it chooses an unavailable action.
     pub fn new(
         arena: &Arc<Arena>,
         seed: u64,
         length: usize,
-        policy: Policy,
         after_episode: AfterEpisode,
-    ) -> Recording {
+        mut choose: impl FnMut(&Battle, &mut [i32]),
+    ) -> ActionTrace {
         let sizes = arena.sizes();
         let mut battle = Battle::new(Arc::clone(arena), seed);
         let mut scratch = Scratch::new();
-        let mut random = policy::Random::new(seed);
         let mut row = vec![0; sizes.n_agents];
         let actions = Vec::with_capacity(length * sizes.n_agents);
-        let mut recording =
-            Recording { seed, n_agents: sizes.n_agents, after_episode, actions, played: 0, unit_ticks: 0 };
+        let mut trace =
+            ActionTrace { seed, n_agents: sizes.n_agents, after_episode, actions, played: 0, unit_ticks: 0 };
         for _ in 0..length {
             if begin_step(&mut battle, after_episode) {
-                match policy {
-                    Policy::Nearest => policy::nearest(&battle, &mut row),
-                    Policy::Random | Policy::Sampled => random.act(&battle, &mut row),
-                }
+                choose(&battle, &mut row);
                 let living = sizes.n_units() - battle.dead_allies() - battle.dead_enemies();
-                recording.unit_ticks += (living * TICKS_PER_STEP) as u64;
-                recording.played += 1;
-                battle.step(&row, &mut scratch).expect("policies choose available actions");
+                trace.unit_ticks += (living * TICKS_PER_STEP) as u64;
+                trace.played += 1;
+                battle.step(&row, &mut scratch).expect("chosen actions are available");
             }
-            recording.actions.extend_from_slice(&row);
+            trace.actions.extend_from_slice(&row);
         }
-        recording
+        trace
     }
 
     /// The actions of each step, one per agent.
@@ -113,8 +87,8 @@ fn begin_step(battle: &mut Battle, after_episode: AfterEpisode) -> bool {
     after_episode == AfterEpisode::ResetAndPlay
 }
 
-/// Plays recordings, and writes after each step everything that a pool would write.
-pub struct Player {
+/// Plays traces, and writes after each step everything that a pool would write.
+pub struct TracePlayer {
     battle: Battle,
     obs: Vec<f32>,
     state: Vec<f32>,
@@ -122,11 +96,11 @@ pub struct Player {
     alive: Vec<u8>,
 }
 
-impl Player {
-    /// A player of recordings that were made in this arena.
-    pub fn new(arena: Arc<Arena>) -> Player {
+impl TracePlayer {
+    /// A player of traces that were recorded in this arena.
+    pub fn new(arena: Arc<Arena>) -> TracePlayer {
         let sizes = arena.sizes();
-        Player {
+        TracePlayer {
             battle: Battle::new(arena, 0),
             obs: vec![0.0; sizes.n_agents * sizes.obs_size],
             state: vec![0.0; sizes.state_size],
@@ -135,9 +109,9 @@ impl Player {
         }
     }
 
-    /// Goes to the start of a recording.
-    pub fn rewind(&mut self, recording: &Recording) {
-        self.battle.reseed(recording.seed);
+    /// Goes to the start of a trace.
+    pub fn rewind(&mut self, trace: &ActionTrace) {
+        self.battle.reseed(trace.seed);
         self.battle.reset();
     }
 
@@ -151,11 +125,10 @@ impl Player {
         self.battle.reset();
     }
 
-    /// Plays one step of a recording.
+    /// Plays one step of a trace.
     ///
     /// # Panics
     /// If an action is not available.
-    #[inline]
     pub fn step(&mut self, actions: &[i32], after_episode: AfterEpisode, scratch: &mut Scratch) {
         if begin_step(&mut self.battle, after_episode) {
             let step = self.battle.step(actions, scratch);
@@ -168,14 +141,14 @@ impl Player {
         black_box((&self.obs, &self.state, &self.avail, &self.alive));
     }
 
-    /// Plays all of a recording.
+    /// Plays all of a trace.
     ///
     /// # Panics
-    /// If an action is not available: the recording is of another arena.
-    pub fn play(&mut self, recording: &Recording, scratch: &mut Scratch) {
-        self.rewind(recording);
-        for actions in recording.steps() {
-            self.step(actions, recording.after_episode, scratch);
+    /// If an action is not available: the trace is of another arena.
+    pub fn play(&mut self, trace: &ActionTrace, scratch: &mut Scratch) {
+        self.rewind(trace);
+        for actions in trace.steps() {
+            self.step(actions, trace.after_episode, scratch);
         }
     }
 }
@@ -183,7 +156,7 @@ impl Player {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use smaclite_engine::Rules;
+    use smaclite_engine::{Rules, policy};
     use smaclite_scenarios::Scenario;
 
     /// `played` and `unit_ticks` are what rates are computed from: counted wrongly, every result is wrong.
@@ -191,8 +164,11 @@ mod tests {
     fn only_played_steps_are_counted() {
         let scenario = Scenario::standard("2s3z").expect("a standard scenario");
         let arena = Arc::new(Arena::new(&scenario, Rules::default()));
-        for policy in [Policy::Nearest, Policy::Random] {
-            let with = |after_episode| Recording::new(&arena, 1, 300, policy, after_episode);
+        let mut random = policy::Random::new(1);
+        let mut act_randomly = |battle: &Battle, actions: &mut [i32]| random.act(battle, actions);
+        let policies: [&mut dyn FnMut(&Battle, &mut [i32]); 2] = [&mut policy::nearest, &mut act_randomly];
+        for choose in policies {
+            let with = |after_episode| ActionTrace::new(&arena, 1, 300, after_episode, &mut *choose);
             let [resetting, playing] = [AfterEpisode::Reset, AfterEpisode::ResetAndPlay].map(with);
             assert_eq!((resetting.steps().count(), playing.steps().count()), (300, 300));
             assert_eq!(playing.played(), 300);
