@@ -164,11 +164,14 @@ mod tests {
     fn only_played_steps_are_counted() {
         let scenario = Scenario::standard("2s3z").expect("a standard scenario");
         let arena = Arc::new(Arena::new(&scenario, Rules::default()));
-        let mut random = policy::Random::new(1);
-        let mut act_randomly = |battle: &Battle, actions: &mut [i32]| random.act(battle, actions);
-        let policies: [&mut dyn FnMut(&Battle, &mut [i32]); 2] = [&mut policy::nearest, &mut act_randomly];
-        for choose in policies {
-            let with = |after_episode| ActionTrace::new(&arena, 1, 300, after_episode, &mut *choose);
+        for randomly in [false, true] {
+            let with = |after_episode| {
+                let mut random = policy::Random::new(1);
+                ActionTrace::new(&arena, 1, 300, after_episode, |battle, actions| match randomly {
+                    false => policy::nearest(battle, actions),
+                    true => random.act(battle, actions),
+                })
+            };
             let [resetting, playing] = [AfterEpisode::Reset, AfterEpisode::ResetAndPlay].map(with);
             assert_eq!((resetting.steps().count(), playing.steps().count()), (300, 300));
             assert_eq!(playing.played(), 300);

@@ -10,8 +10,8 @@ use smaclite_pool::layout::Layout;
 use smaclite_pool::{LaneSettings, LaneStats};
 use smaclite_scenarios::ScenarioFiles;
 
-/// Increased whenever a request or response changes, or what is played again from it.
-pub const PROTOCOL_VERSION: u32 = 8;
+/// Increased whenever a request or response changes, what is played again from it, or how services are opened.
+pub const PROTOCOL_VERSION: u32 = 9;
 
 /// The release of this program.
 pub const RELEASE: &str = env!("CARGO_PKG_VERSION");
@@ -48,7 +48,7 @@ impl<T> Message<T> {
     }
 }
 
-/// `release 0.1.0 (protocol 8)`.
+/// `release 0.1.0 (protocol 9)`.
 pub(crate) fn release_text(release: &str, version: u32) -> String {
     format!("release {} (protocol {version})", release.escape_default())
 }
