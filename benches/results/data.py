@@ -10,7 +10,7 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 FOLDER = REPOSITORY / "docs" / "results"
 PROGRAM = REPOSITORY / "target" / "release" / "smaclite-pool"
 
-GROUPS = ("default", "generated", "open-loop", "other-critic", "paper-rules", "starcraft")
+GROUPS = ("default", "flat", "generated", "open-loop", "other-critic", "paper-rules", "starcraft")
 """What `results.train` reports, in a folder each."""
 
 Row = dict[str, str]
@@ -37,7 +37,7 @@ def write(path: Path, rows: Iterable[Row]) -> None:
 
 
 def sees_state(scenario: str) -> bool:
-    """Whether the critic of the runs of the page does: of six agents or more, the default of then."""
+    """Whether the critic of flat networks of the page does: of six agents or more, the default of then."""
     import smaclite_pool as sp  # which not all tools need
 
     told = sp.scenario(scenario)

@@ -32,10 +32,11 @@ Cells = list[str]
 def tables(reports: dict[str, list[Row]], searches: list[Row], scripts: str) -> dict[str, str]:
     """All tables by name, in Markdown. `reports` has the runs of each group of `results.train`; `scripts` is
     the page with the returns of the scripted policies."""
-    runs = reports["default"]
+    runs = reports["flat"]
     return {
-        "commands": commands(runs),
-        "maps": maps(runs),
+        "commands": commands(reports["default"]),
+        "maps": maps(reports["default"]),
+        "flat": maps(runs),
         "generated": generated(reports["generated"], reports["open-loop"]),
         "critics": critics(runs, reports["other-critic"]),
         "paper": paper(runs),

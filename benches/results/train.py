@@ -24,7 +24,7 @@ FLAT = ("--network", "flat")
 
 
 def former(scenario: str) -> list[str]:
-    """The defaults when the runs of the page were made, but for the networks."""
+    """The defaults when the runs with flat networks were made, but for the networks."""
     told = sp.scenario(scenario)
     critic = ["--algorithm", "mappo" if data.sees_state(scenario) else "ippo"]
     last_actions = ["--last-actions", "4"] if told["teams_are_drawn"] else []
@@ -38,7 +38,8 @@ def other_critic(scenario: str) -> list[str]:
 
 
 GROUPS: dict[str, dict[str, list[str]]] = {
-    "default": {scenario: [*FLAT, *former(scenario)] for scenario in sp.scenarios(generated=False)},
+    "default": {scenario: [] for scenario in sp.scenarios(generated=False)},
+    "flat": {scenario: [*FLAT, *former(scenario)] for scenario in sp.scenarios(generated=False)},
     "generated": {scenario: [*FLAT, *former(scenario)] for scenario in sp.scenarios(generated=True)},
     "open-loop": {
         scenario: former(scenario) for scenario in ("protoss_5_vs_5", "terran_5_vs_5", "zerg_5_vs_5")
@@ -54,6 +55,7 @@ agents observe the time, their own number and their own last actions alone."""
 
 KEPT = {
     "default": ("runs.csv", "curves-win_rate.svg", "curves-win_rate-dark.svg"),
+    "flat": ("runs.csv", "curves-win_rate.svg", "curves-win_rate-dark.svg"),
     "generated": ("runs.csv",),
     "open-loop": ("runs.csv",),
     "other-critic": ("runs.csv",),
