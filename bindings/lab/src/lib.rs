@@ -1,7 +1,7 @@
 //! What is done with trained teams and their runs: `tournament` lets players meet, `exploit` trains a team
 //! against another one, `report` compares runs of several algorithms (`statistics`), `verify` plays recorded
-//! evaluations again, `dataset` keeps what teams play, for offline learning, and `action_trace` plays battles whose
-//! speed is measured.
+//! evaluations again, `dataset` keeps what teams play, for offline learning, and `action_trace` plays
+//! battles whose speed is measured.
 //!
 //! It uses of the learner (`smaclite_learn`) what any program can, and the learner nothing of it.
 

@@ -10,7 +10,8 @@ use smaclite_pool::layout::Layout;
 use smaclite_pool::{LaneSettings, LaneStats};
 use smaclite_scenarios::ScenarioFiles;
 
-/// Increased whenever a request or response changes, what is played again from it, or how services are opened.
+/// Increased whenever a request or response changes, what is played again from it, or how services are
+/// opened.
 pub const PROTOCOL_VERSION: u32 = 9;
 
 /// The release of this program.

@@ -12,8 +12,8 @@ use super::{Area, EncodeError, Picture};
 const UNITS_PER_SECOND: f64 = 100.0;
 const SHORTEST_FRAME: u16 = 2;
 
-/// Writes an animated GIF of `n_frames` that repeats without end. `frame_rate` is in frames per second; frames
-/// are not shown faster than 50 per second.
+/// Writes an animated GIF of `n_frames` that repeats without end. `frame_rate` is in frames per second;
+/// frames are not shown faster than 50 per second.
 ///
 /// The 255 colours of the palette are chosen from all frames, so each frame is drawn twice, instead of being
 /// kept in memory. Equal frames give equal files.
