@@ -7,7 +7,7 @@ python := venv / "bin/python"
 export PYO3_PYTHON := python
 
 # What `install` installs: the source tree, or a wheel, so that the tests run on what users get. `installed` leaves what
-# is there, as .ci/run does after its first step.
+# is there, and so for the page of the playground, as .ci/run does after its first steps.
 package := env("SMACLITE_POOL_PACKAGE", ".")
 
 memcheck := "valgrind -q --error-exitcode=1 --leak-check=full --show-leak-kinds=definite " + \
@@ -169,8 +169,8 @@ chaos minutes seed:
 soak seed="1": (chaos "15" seed)
 
 # Let every system call of commands fail once, and kill them there ([SCENARIO...], --sample N, --help; Debian: strace)
-faults *args: build
-    python3 tests/faults.py {{ args }}
+faults *args: build install
+    PYTHONPATH={{ justfile_directory() }}/tests {{ python }} -m faults {{ args }}
 
 # Check every interleaving of the hand-off between threads with loom
 loom $RUSTFLAGS="--cfg loom":
@@ -217,28 +217,10 @@ build-times: install
 build:
     cargo build --release
 
-# Not with `maturin build --sdist`, which builds from the distribution: its files are as old as in every other one, so
-# cargo takes what it built of an earlier version for up to date.
-#
-# The linker is zig, but for Windows: there maturin exports a name that only GNU's linker takes, which is Debian's
-# gcc-mingw-w64-x86-64-posix.
-#
 # Build wheels in dist/: for every Linux since 2014, for macOS and for Windows; and the source distribution
-wheels *systems="x86_64 aarch64 macos windows": _venv
-    {{ python }} -m pip install --quiet 'maturin[zig]>=1.10,<2'
-    PATH={{ venv }}/bin:"$PATH" {{ venv }}/bin/maturin sdist --out dist
-    for system in {{ systems }}; do \
-        case $system in \
-            macos) target=universal2-apple-darwin; libraries="aarch64-apple-darwin x86_64-apple-darwin"; options=--zig ;; \
-            windows) target={{ for_windows }}; libraries=$target; options= ;; \
-            *) target=$system-unknown-linux-gnu; libraries=$target; options="--zig --compatibility manylinux2014" ;; \
-        esac; \
-        for library in $libraries; do \
-            test -d "$("${RUSTC:-rustc}" --print target-libdir --target $library)" || rustup target add $library || exit; \
-        done; \
-        PATH={{ venv }}/bin:"$PATH" {{ venv }}/bin/maturin build --release --out dist \
-            --target $target $options --target-dir target || exit; \
-    done
+wheels *systems: _venv
+    {{ python }} -m pip install --quiet 'maturin[zig]>=1.10,<2' 'wheel>=0.46'
+    PATH={{ venv }}/bin:"$PATH" {{ python }} bindings/wheels.py {{ systems }}
 
 # Compare the Windows program with this system's, to the bit, and test the Windows wheel, under Wine (Debian: apt install wine gcc-mingw-w64-x86-64-posix)
 windows *tests: build (wheels "windows")
@@ -320,7 +302,7 @@ playground:
 
 # Build it if that is possible, and say why if it is not.
 _playground:
-    pool/playground/build.sh --check && pool/playground/build.sh || test $? -eq 3
+    {{ if package == "installed" { "test -e target/playground/battle.html" } else { "pool/playground/build.sh --check && pool/playground/build.sh || test $? -eq 3" } }}
 
 # Test that the playground plays recorded battles to the bit, and its size (Node.js; SMACLITE_TRACES as above)
 test-playground: _node playground

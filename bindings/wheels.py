@@ -1,0 +1,89 @@
+"""Builds the wheels of a release, and the source distribution, in dist/: `just wheels`.
+
+The same commit and the same compilers make the same files, byte for byte, in whatever folder: what a wheel holds of the
+machine that built it is replaced. So anyone can check that a published wheel is made of the published source.
+
+The linker is zig, but for Windows: there maturin exports a name that only GNU's linker takes, which is Debian's
+gcc-mingw-w64-x86-64-posix.
+"""
+
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+DIST = ROOT / "dist"
+ZIG = ["--zig"]
+LINUX = [*ZIG, "--compatibility", "manylinux2014"]
+# The target of each system, the libraries that it needs, and the options of maturin.
+SYSTEMS = {
+    "x86_64": ("x86_64-unknown-linux-gnu", ["x86_64-unknown-linux-gnu"], LINUX),
+    "aarch64": ("aarch64-unknown-linux-gnu", ["aarch64-unknown-linux-gnu"], LINUX),
+    "macos": ("universal2-apple-darwin", ["aarch64-apple-darwin", "x86_64-apple-darwin"], ZIG),
+    "windows": ("x86_64-pc-windows-gnu", ["x86_64-pc-windows-gnu"], []),
+}
+
+
+def output(*command: str) -> str:
+    return subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout.strip()
+
+
+def run(*command: str) -> None:
+    subprocess.run(command, cwd=ROOT, check=True)
+
+
+def maturin(*args: str) -> None:
+    run(sys.executable, "-m", "maturin", *args)
+
+
+def neutral_paths() -> list[str]:
+    """Options of maturin by which panic messages name no folder of this machine."""
+    cargo = os.environ.get("CARGO_HOME") or str(Path.home() / ".cargo")
+    # Of several that fit, the last one holds.
+    folders = {str(ROOT): ".", cargo: "cargo", f"{rust('sysroot')}/lib/rustlib/src/rust": "rust"}
+    flags = [f"--remap-path-prefix={folder}={name}" for folder, name in folders.items()]
+    # Added to those of .cargo/config.toml, which the variable RUSTFLAGS would replace.
+    return ["--config", f"target.'cfg(all())'.rustflags={flags!r}"]
+
+
+def rust(what: str, *args: str) -> str:
+    return output(os.environ.get("RUSTC", "rustc"), "--print", what, *args)
+
+
+def build(system: str) -> None:
+    target, libraries, options = SYSTEMS[system]
+    for library in libraries:
+        if not Path(rust("target-libdir", "--target", library)).is_dir():
+            run("rustup", "target", "add", library)
+    with tempfile.TemporaryDirectory(dir=DIST) as folder:
+        maturin(
+            *["build", "--release", "--target", target, *options, "--target-dir", "target"],
+            *["--out", folder, *neutral_paths()],
+        )
+        (wheel,) = Path(folder).glob("*.whl")
+        run(sys.executable, "-m", "wheel", "unpack", "--dest", folder, str(wheel))
+        # The list of crates (SBOM) names those of this repository by their folder.
+        (unpacked,) = (path for path in Path(folder).iterdir() if path.is_dir())
+        for sbom in unpacked.glob("*.dist-info/sboms/*"):
+            sbom.write_text(sbom.read_text().replace(f"{ROOT.as_uri()}/", "file:///"))
+        run(sys.executable, "-m", "wheel", "pack", "--dest-dir", str(DIST), str(unpacked))
+
+
+def main() -> None:
+    unknown = [system for system in sys.argv[1:] if system not in SYSTEMS]
+    if unknown:
+        sys.exit(f"error: no wheel is built for {unknown[0]}: name some of {', '.join(SYSTEMS)}")
+    # The time that archives and the list of crates state; that of the last commit.
+    os.environ.setdefault("SOURCE_DATE_EPOCH", output("git", "log", "-1", "--format=%ct"))
+    DIST.mkdir(exist_ok=True)
+    # Not `build --sdist`, which builds from the distribution: its files are as old as in every other one, so cargo
+    # takes what it built of an earlier version for up to date.
+    maturin("sdist", "--out", str(DIST))
+    for system in sys.argv[1:] or SYSTEMS:
+        build(system)
+
+
+if __name__ == "__main__":
+    main()
