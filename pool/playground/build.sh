@@ -37,15 +37,18 @@ RUSTC=${compiler[0]} RUSTC_BOOTSTRAP=1 RUSTFLAGS="-Zlocation-detail=none ${linke
     "${compiler[1]}" rustc --quiet --package smaclite-playground --lib --crate-type cdylib \
     --profile playground --target $target --target-dir target/playground "${std[@]}"
 built=target/playground/$target/playground/smaclite_playground.wasm
-engine=target/playground/engine.wasm
-if command -v wasm-opt >/dev/null; then
+optimised=target/playground/optimised.wasm
+if ! command -v wasm-opt >/dev/null; then
+    optimised=$built
+elif ! [ $optimised -nt "$built" ] || ! [ $optimised -nt pool/playground/build.sh ]; then # it takes half a minute
     # Functions that are called most have the shortest numbers.
     wasm-opt -Oz --converge --dae-optimizing --reorder-functions -Oz \
         --enable-bulk-memory --enable-sign-ext --enable-nontrapping-float-to-int --enable-mutable-globals \
-        "$built" -o $engine
-else
-    cp "$built" $engine
+        "$built" -o $optimised.part
+    mv $optimised.part $optimised
 fi
+engine=target/playground/engine.wasm
+cp "$optimised" $engine
 # With the team of the zoo that plays every map. Named without its package, the program shares the builds of all others.
 "$cargo" run --release --quiet --bin smaclite-playground -- \
     $engine target/playground bindings/learn/zoo/all-maps
