@@ -93,7 +93,6 @@ pub(crate) fn serve(options: &ServeOptions, app: impl App) -> CommandResult {
     let runtime = runtime::Builder::new_current_thread()
         .enable_io()
         .enable_time() // axum waits with it after errors of accept
-        .max_blocking_threads(MAX_PAGES)
         .build()?;
     let pages = Arc::new(Semaphore::new(MAX_PAGES));
     let (end, ended) = watch::channel(());
@@ -215,7 +214,8 @@ fn open_in_browser(url: &str) -> Option<Redirect> {
         let mut started = open::commands(&redirect.0).into_iter().map(start);
         let missing = || Err(Error::new(ErrorKind::NotFound, "no program that opens a browser is installed"));
         let mut browser = started.find(Result::is_ok).unwrap_or_else(missing)?;
-        std::thread::spawn(move || browser.wait()); // so that it does not stay as a zombie
+        let wait = move || browser.wait(); // so that it does not stay as a zombie
+        let _waiting = std::thread::Builder::new().spawn(wait);
         Ok(redirect)
     });
     opened.inspect_err(|error| err!("smaclite-pool: --open: {error}; open the URL")).ok()

@@ -6,9 +6,10 @@ use super::protocol::{ResponseMessage, VERSION};
 use axum::extract::ws::{Message, WebSocket};
 use serde::Serialize;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, TrySendError, sync_channel};
+use std::thread;
 use std::time::Instant;
 use tokio::sync::mpsc::{Sender, channel};
-use tokio::sync::watch;
+use tokio::sync::{oneshot, watch};
 
 /// Requests that wait until the app has time; a page that sends more is closed.
 const MAX_WAITING: usize = 256;
@@ -72,7 +73,7 @@ fn text(message: &impl Serialize) -> String {
 }
 
 /// Carries messages between a WebSocket and `run`, which runs on another thread, until either or the server
-/// ends.
+/// ends. If there can be no other thread, the page is closed, and tries again.
 pub(super) async fn serve(
     mut socket: WebSocket,
     mut ended: watch::Receiver<()>,
@@ -80,7 +81,16 @@ pub(super) async fn serve(
 ) {
     let (request_sender, requests) = sync_channel(MAX_WAITING);
     let (messages, mut unsent) = channel(MAX_UNSENT);
-    let running = tokio::task::spawn_blocking(move || run(Page { requests, messages }));
+    let (running, ends) = oneshot::channel::<()>();
+    let run = move || {
+        let _running = running; // dropped at the end, also by a panic, which this thread prints
+        run(Page { requests, messages });
+    };
+    // Not by tokio, which panics without a thread.
+    if let Err(error) = thread::Builder::new().name("page".to_owned()).spawn(run) {
+        err!("smaclite-pool: cannot start a thread for a page: {error}");
+        return;
+    }
     let mut version = None;
     loop {
         let message = tokio::select! {
@@ -107,7 +117,7 @@ pub(super) async fn serve(
         }
     }
     drop((request_sender, unsent)); // ends the run
-    let _ = running.await; // a panic is printed by its thread, and this page is closed
+    let _ = ends.await;
 }
 
 /// A message of a page.
