@@ -1,10 +1,11 @@
 """Builds the wheels of a release, and the source distribution, in dist/: `just wheels`.
 
-The same commit and the same compilers make the same files, byte for byte, in whatever folder: what a wheel holds of the
-machine that built it is replaced. So anyone can check that a published wheel is made of the published source.
+The same commit and the same compilers make the same files, byte for byte, in whatever folder: what a wheel
+holds of the machine that built it is replaced. So anyone can check that a published wheel is made of the
+published source.
 
-The linker is zig, but for Windows: there maturin exports a name that only GNU's linker takes, which is Debian's
-gcc-mingw-w64-x86-64-posix.
+The linker is zig, but for Windows: there maturin exports a name that only GNU's linker takes, which is
+Debian's gcc-mingw-w64-x86-64-posix.
 """
 
 import os
@@ -78,8 +79,8 @@ def main() -> None:
     # The time that archives and the list of crates state; that of the last commit.
     os.environ.setdefault("SOURCE_DATE_EPOCH", output("git", "log", "-1", "--format=%ct"))
     DIST.mkdir(exist_ok=True)
-    # Not `build --sdist`, which builds from the distribution: its files are as old as in every other one, so cargo
-    # takes what it built of an earlier version for up to date.
+    # Not `build --sdist`, which builds from the distribution: its files are as old as in every other one, so
+    # cargo takes what it built of an earlier version for up to date.
     maturin("sdist", "--out", str(DIST))
     for system in sys.argv[1:] or SYSTEMS:
         build(system)

@@ -103,7 +103,7 @@ def main(argv: list[str] | None = None) -> int:
         team = sp.load_team(options.team, seed=options.seed)
         with sp.make(team.scenario, options.battles, **{**team.settings, "fields": FIELDS}) as envs:
             battles = record(envs, envs.reset(seed=options.seed), team)
-            recording = {"map": team.scenario, "version": envs.rules, "battles": battles}
+            recording = {"map": team.scenario, "version": envs.spec.rules, "battles": battles}
         path = write(recording, options.folder / f"{Path(team.scenario).stem}.json.gz")
     except (sp.errors.PoolError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)

@@ -1,7 +1,7 @@
-//! `Envs`, the environments of a lane in Python: the methods of a client and the properties of the lane, with
-//! their documentation. They stay in one file, as PyO3 reads the methods of a class from one block. What they
-//! need is inside: the client that one thread uses at a time (`shared`), requests (`requests`), pictures
-//! (`render`), and arguments that are environments or their scenario (`arg`).
+//! `Envs`, the environments of a lane in Python: the methods of a client, with their documentation. They stay
+//! in one file, as PyO3 reads the methods of a class from one block. What they need is inside: the client
+//! that one thread uses at a time (`shared`), requests (`requests`), pictures (`render`), and arguments that
+//! are environments or their scenario (`arg`).
 
 pub(crate) mod arg;
 pub(crate) mod render;
@@ -12,22 +12,22 @@ use self::render::{Renderer, SheetStyle, render_batch};
 use self::requests::{ResetArguments, Start, begin_step, receive};
 use self::shared::SharedClient;
 use crate::batch::Batch;
-use crate::convert::{self, Int32Array, IntArg, env_ids, timeout_seconds, to_dict, to_duration, to_unsigned};
+use crate::convert::{self, Int32Array, IntArg, env_ids, timeout_seconds, to_duration, to_unsigned};
 use crate::errors::{class, client_error, connect_error, invalid_request};
 use crate::exit::{self, CloseAtExit};
 use crate::habits::{Place, cannot_be_copied, no_attribute, refuse_keywords};
+use crate::lane_spec::lane_spec;
 use crate::query::runtime_dir;
 use crate::recorder::RecordingToFile;
 use crate::seeds::Seeds;
 use crate::wait::{interruptible, run_on_thread, wait_detached};
-use numpy::{PyArray2, PyArray3, PyArrayDescr, PyArrayMethods};
+use numpy::{PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use smaclite_ipc::{Client, ClientError, LaneDescription, Supervisor, WaitOptions, lane_scenario};
 use smaclite_pool::Rejection;
 use smaclite_pool::layout::Layout;
 use smaclite_scenarios::Scenario;
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// A pool within this process, which ends with the last of its `Envs`, and the scenario of its lanes.
@@ -40,7 +40,8 @@ pub struct Embedded {
 /// The environments of a lane, as returned by `make` and `connect`.
 ///
 /// This process is the lane's only learner until `close` or the end of a `with` block. In the documentation
-/// of the methods, N is `num_envs`, M is `batch_size` and K is the number of environments in a request.
+/// of the methods, N is `spec.num_envs`, M is `spec.batch_size` and K is the number of environments in a
+/// request.
 ///
 /// `timeout` is a number of seconds, at least 0; None means no limit. Ctrl-C interrupts every wait. After
 /// Timeout or KeyboardInterrupt the batch is still being computed: call `recv` to get it, or `reset` to
@@ -53,19 +54,27 @@ pub struct Envs {
     shared: Arc<SharedClient>,
     description: LaneDescription,
     layout: Layout,
+    /// Made at once: when Python ends, it can import nothing any more.
+    spec: Py<PyAny>,
     /// Of an embedded pool.
     scenario: Option<Scenario>,
 }
 
 impl Envs {
-    pub fn new(client: Client, embedded: Option<Embedded>, recording: Option<RecordingToFile>) -> Envs {
+    pub fn new(
+        py: Python<'_>,
+        client: Client,
+        embedded: Option<Embedded>,
+        recording: Option<RecordingToFile>,
+    ) -> PyResult<Envs> {
         let (description, layout) = (client.description().clone(), client.layout().clone());
+        let spec = lane_spec(py, &description, &layout)?.unbind();
         exit::end_at_exit(client.folder_use());
         let (supervisor, scenario) = embedded.map(|pool| (pool.supervisor, pool.scenario)).unzip();
         let shared = Arc::new(SharedClient::new(client, supervisor, recording));
         let weak = Arc::downgrade(&shared);
         exit::close_at_exit(weak);
-        Envs { shared, description, layout, scenario }
+        Ok(Envs { shared, description, layout, spec, scenario })
     }
 
     pub fn lane_description(&self) -> &LaneDescription {
@@ -526,167 +535,9 @@ impl Envs {
         )
     }
 
-    /// Number of environments (N).
+    /// What never changes about the environments: sizes, fields, names and settings.
     #[getter]
-    fn num_envs(&self) -> usize {
-        self.description.settings.num_envs
-    }
-
-    /// Number of environments per batch (M); equal to `num_envs` in synchronous mode.
-    #[getter]
-    fn batch_size(&self) -> usize {
-        self.description.settings.batch_size
-    }
-
-    /// Number of agents per environment.
-    #[getter]
-    fn n_agents(&self) -> usize {
-        self.description.sizes.n_agents
-    }
-
-    /// Number of enemies per environment.
-    #[getter]
-    fn n_enemies(&self) -> usize {
-        self.description.sizes.n_enemies
-    }
-
-    /// Number of actions per agent: no-op (dead agents only), stop, move north, south, east and west, then
-    /// one per target.
-    #[getter]
-    fn n_actions(&self) -> usize {
-        self.description.sizes.n_actions
-    }
-
-    /// Number of features in an agent's observation.
-    #[getter]
-    fn obs_size(&self) -> usize {
-        self.description.sizes.obs_size
-    }
-
-    /// Number of features in the state.
-    #[getter]
-    fn state_size(&self) -> usize {
-        self.description.sizes.state_size
-    }
-
-    /// Which sides actions play: "allies" or "both".
-    #[getter]
-    fn sides(&self) -> &'static str {
-        self.description.sides.name()
-    }
-
-    /// Number of actions per environment: one per agent, and if actions play both sides then one per enemy.
-    #[getter]
-    fn n_actors(&self) -> usize {
-        self.description.sizes.n_actors()
-    }
-
-    /// Number of actions per enemy, which are numbered as those of agents; 0 if actions do not play enemies.
-    #[getter]
-    fn n_enemy_actions(&self) -> usize {
-        self.description.sizes.enemies.map_or(0, |enemies| enemies.n_actions)
-    }
-
-    /// Number of features in an enemy's observation; 0 if actions do not play enemies.
-    #[getter]
-    fn enemy_obs_size(&self) -> usize {
-        self.description.sizes.enemies.map_or(0, |enemies| enemies.obs_size)
-    }
-
-    /// Number of features in the enemies' state; 0 if actions do not play enemies.
-    #[getter]
-    fn enemy_state_size(&self) -> usize {
-        self.description.sizes.enemies.map_or(0, |enemies| enemies.state_size)
-    }
-
-    /// Bytes of a snapshot; 0 if the lane has no field `snapshot`.
-    #[getter]
-    fn snapshot_size(&self) -> usize {
-        self.layout.snapshot_size()
-    }
-
-    /// Number of steps after which an episode is truncated; None for no limit.
-    #[getter]
-    fn episode_limit(&self) -> Option<u32> {
-        self.description.episode_limit
-    }
-
-    /// The scenario's name.
-    #[getter]
-    fn scenario(&self) -> &str {
-        &self.description.scenario
-    }
-
-    /// What happens at the end of an episode: "NextStep", "SameStep" or "Disabled", the values of Gymnasium's
-    /// `AutoresetMode`.
-    #[getter]
-    fn autoreset_mode(&self) -> &'static str {
-        self.description.settings.autoreset.name()
-    }
-
-    /// The lane's seed, also where a random one was drawn: environment i starts with seed + i.
-    #[getter]
-    fn seed(&self) -> u64 {
-        self.description.settings.seed
-    }
-
-    /// The pool's name.
-    #[getter]
-    fn name(&self) -> &str {
-        &self.description.pool
-    }
-
-    /// The lane's name.
-    #[getter]
-    fn lane(&self) -> &str {
-        &self.description.lane
-    }
-
-    /// Process id of the pool's supervisor; this process if the pool is embedded.
-    #[getter]
-    fn pid(&self) -> u32 {
-        self.description.pid
-    }
-
-    /// The rule set: "smaclite", "paper" or "starcraft-1".
-    #[getter]
-    fn rules(&self) -> &str {
-        &self.description.rules
-    }
-
-    /// Who plays the enemies: names of `OPPONENTS`, and their weights; "learner" is `opponent_team`, if one
-    /// plays them.
-    #[getter]
-    fn opponents(&self) -> BTreeMap<String, f64> {
-        self.description.opponents.clone().into()
-    }
-
-    /// The trained team that plays the enemies, as it was named: "zoo:3m", or the folder of its run; or None.
-    #[getter]
-    fn opponent_team(&self) -> Option<&str> {
-        self.description.opponent_team.as_deref()
-    }
-
-    /// What both sides are rewarded for: a dict of SMAC's reward options, such as `reward_win`.
-    #[getter]
-    fn rewards<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        to_dict(py, &self.description.rewards)
-    }
-
-    /// A dict from the name of each field in a batch to its dtype and shape.
-    #[getter]
-    fn fields<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let fields = PyDict::new(py);
-        for field in self.layout.fields().iter() {
-            let dtype = PyArrayDescr::new(py, field.spec().dtype.name())?;
-            fields.set_item(field.spec().name, (dtype, PyTuple::new(py, self.layout.shape(field))?))?;
-        }
-        Ok(fields)
-    }
-
-    /// All properties of the lane as a dict, as in the output of `smaclite-pool status --json`.
-    #[getter]
-    fn description<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        to_dict(py, &self.description)
+    fn spec<'py>(&self, py: Python<'py>) -> &Bound<'py, PyAny> {
+        self.spec.bind(py)
     }
 }

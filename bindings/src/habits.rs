@@ -1,6 +1,7 @@
 //! What names of Gymnasium, EnvPool, PettingZoo, SMAC and PyMARL are called here: one table, from which the
 //! errors of unknown keywords and attributes are made.
 
+use crate::lane_spec::attributes;
 use pyo3::exceptions::{PyAttributeError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyType};
@@ -25,8 +26,8 @@ pub enum Place {
 /// A place, names that other packages use there, and what a user of them wants here.
 type Row = (Place, &'static [&'static str], &'static str);
 
-const SPACES: &str = "sizes are `n_agents`, `n_actions`, `obs_size` and `fields`; for spaces use \
-     smaclite_pool.integrations.gymnasium.BattleVectorEnv(envs)";
+const SPACES: &str = "sizes are `spec.n_agents`, `spec.n_actions`, `spec.obs_size` and `spec.fields`; for \
+     spaces use smaclite_pool.integrations.gymnasium.BattleVectorEnv(envs)";
 const FIELDS_OF_BATCHES: &str = "`reset`, `step` and `recv` return a batch with it: `obs`, `state`, \
      `avail_actions`, `reward`, `terminated`, `truncated`";
 
@@ -61,7 +62,7 @@ const TABLE: &[Row] = &[
     (Place::Connect, &["lane_name", "lane_id"], "use `lane`, the second argument"),
     (Place::Connect, &["scenario", "map_name", "num_envs", "batch_size", "seed", "threads", "num_threads",
         "autoreset_mode", "fields", "rules", "opponent", "episode_limit"],
-        "`smaclite-pool serve` sets it; `envs.description` tells its value"),
+        "`smaclite-pool serve` sets it; `envs.spec` tells its value"),
 
     (Place::Reset, &["options", "reset_mask"],
         "use `mask`, bool [N], or `env_id`, integers [K], to reset some environments"),
@@ -73,31 +74,32 @@ const TABLE: &[Row] = &[
     (Place::Step, &["env_ids", "ids", "indices", "env_idx"], "use `env_id`"),
 
     (Place::Envs, &["action_space", "observation_space", "single_action_space", "single_observation_space",
-        "share_observation_space", "spec", "metadata", "action_shape", "observation_shape"], SPACES),
+        "share_observation_space", "metadata", "action_shape", "observation_shape"], SPACES),
     (Place::Envs, &["save", "clone", "clone_state", "save_state", "get_state_snapshot", "snapshot"],
         "batches have the field `snapshot` with fields=[..., \"snapshot\"]; `reset(snapshots=...)` takes \
          it, and `fork` copies environments"),
     (Place::Envs, &["load", "load_state", "restore", "async_restore", "restore_state", "set_state"],
         "use `reset(snapshots=...)` or `fork`"),
-    (Place::Envs, &["get_env_info"], "sizes are attributes: `n_agents`, `n_actions`, `obs_size`, \
-        `state_size`, `episode_limit`; `description` is a dict of all"),
+    (Place::Envs, &["get_env_info"], "use `spec`, which has `n_agents`, `n_actions`, `obs_size`, \
+        `state_size`, `episode_limit` and more"),
     (Place::Envs, &["get_obs", "get_state", "get_avail_actions", "get_avail_agent_actions", "get_obs_agent",
         "last"], FIELDS_OF_BATCHES),
     (Place::Envs, &["action_masks", "action_mask"], "use `avail_actions` of a batch"),
     (Place::Envs, &["get_obs_size", "get_state_size", "get_total_actions", "obs_shape", "state_shape"],
-        "sizes are attributes: `obs_size`, `state_size`, `n_actions`"),
-    (Place::Envs, &["n_envs", "nenvs", "num_environments"], "use `num_envs`"),
-    (Place::Envs, &["num_agents", "possible_agents", "agents", "max_num_agents"], "use `n_agents`"),
-    (Place::Envs, &["max_episode_steps", "max_steps", "time_limit"], "use `episode_limit`"),
-    (Place::Envs, &["map_name", "task_id"], "use `scenario`"),
-    (Place::Envs, &["autoreset"], "use `autoreset_mode`"),
-    (Place::Envs, &["num_threads", "threads", "config", "settings"], "use `description`, a dict"),
+        "use `spec.obs_size`, `spec.state_size`, `spec.n_actions`"),
+    (Place::Envs, &["n_envs", "nenvs", "num_environments"], "use `spec.num_envs`"),
+    (Place::Envs, &["num_agents", "possible_agents", "agents", "max_num_agents"], "use `spec.n_agents`"),
+    (Place::Envs, &["max_episode_steps", "max_steps", "time_limit"], "use `spec.episode_limit`"),
+    (Place::Envs, &["map_name", "task_id"], "use `spec.scenario`"),
+    (Place::Envs, &["autoreset"], "use `spec.autoreset_mode`"),
+    (Place::Envs, &["name"], "use `spec.pool`"),
+    (Place::Envs, &["num_threads", "config", "settings", "description"], "use `spec`"),
     (Place::Envs, &["step_async", "async_step"], "use `send`"),
     (Place::Envs, &["step_wait", "reset_wait"], "use `recv`"),
     (Place::Envs, &["reset_async"], "use `async_reset`"),
-    (Place::Envs, &["all_env_ids"], "ids are 0 to `num_envs` - 1"),
+    (Place::Envs, &["all_env_ids"], "ids are 0 to `spec.num_envs` - 1"),
     (Place::Envs, &["sample", "sample_action", "random_actions"], "use `sample_actions`"),
-    (Place::Envs, &["is_async"], "compare `batch_size` with `num_envs`"),
+    (Place::Envs, &["is_async"], "compare `spec.batch_size` with `spec.num_envs`"),
     (Place::Envs, &["get_stats"], "sum `battle_won` of the batches in which an episode ended, or use \
         smaclite_pool.evaluate"),
     (Place::Envs, &["render_mode"], "`render()` returns pictures without one"),
@@ -207,10 +209,19 @@ pub fn no_attribute(class: &Bound<'_, PyType>, place: Place, name: &str) -> PyEr
         None
     } else {
         let names = class.dir().and_then(|names| names.extract::<Vec<String>>()).unwrap_or_default();
-        let names = names.iter().map(String::as_str).filter(|name| !name.starts_with('_'));
-        let similar = did_you_mean(name, names);
-        let similar = similar.starts_with("did you mean").then_some(similar);
-        translation(place, name).map(str::to_owned).or(similar)
+        let names: Vec<String> = names.into_iter().filter(|name| !name.starts_with('_')).collect();
+        let of_spec = match place {
+            Place::Envs => attributes(class.py()).unwrap_or_default(),
+            _ => Vec::new(),
+        };
+        let in_spec = || of_spec.iter().any(|of_spec| of_spec == name).then(|| format!("use `spec.{name}`"));
+        let similar = |names: &[String]| {
+            let similar = did_you_mean(name, names.iter().map(String::as_str));
+            similar.starts_with("did you mean").then_some(similar)
+        };
+        let similar_in_spec = || similar(&of_spec).map(|similar| similar.replacen('`', "`spec.", 1));
+        let translated = translation(place, name).map(str::to_owned);
+        translated.or_else(in_spec).or_else(|| similar(&names)).or_else(similar_in_spec)
     };
     let hint = hint.map_or_else(String::new, |hint| format!("; {hint}"));
     PyAttributeError::new_err(format!("'{class_name}' object has no attribute '{name}'{hint}"))

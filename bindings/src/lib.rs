@@ -12,6 +12,7 @@ mod envs;
 mod errors;
 mod exit;
 mod habits;
+mod lane_spec;
 mod make;
 mod policy;
 mod program;

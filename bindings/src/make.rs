@@ -46,7 +46,7 @@ const MAX_LANES: usize = 64;
 ///         together (synchronous mode). With fewer, stepping is asynchronous: `send` actions to some
 ///         environments, and `recv` the first M that finish.
 ///     seed: from 0 to `2**64 - 1`; environment i is seeded with seed + i. With the same seed and actions it
-///         plays the same episodes as the published environment. None: a random one, which `Envs.seed` has.
+///         plays the same episodes as the published environment. None: a random one, which `Envs.spec` has.
 ///     threads: number of threads that step environments, 1 to 1024. While the learner waits for a batch, its
 ///         thread is one of them. The default is the number of cores available to this process.
 ///     autoreset_mode: what happens at the end of an episode, as in Gymnasium. "NextStep": the next step
@@ -219,8 +219,8 @@ pub fn make(
     let (attached, embedded, warnings) = run_on_thread(py, start)??;
     let mut envs = attached
         .into_iter()
-        .map(|(client, recording)| Envs::new(client, Some(embedded.clone()), recording))
-        .collect::<Vec<_>>();
+        .map(|(client, recording)| Envs::new(py, client, Some(embedded.clone()), recording))
+        .collect::<PyResult<Vec<_>>>()?;
     for warning in warnings {
         let text = CString::new(warning.to_string())?;
         PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)?;
@@ -437,7 +437,7 @@ pub fn connect(
         })
     })?;
     let (client, recording) = client.map_err(errors::connect_error)?;
-    Ok(Envs::new(client, None, recording))
+    Envs::new(py, client, None, recording)
 }
 
 /// Attaches, and begins to record.

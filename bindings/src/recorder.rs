@@ -103,7 +103,7 @@ pub fn check_replay_path(argument: &str, path: &Path) -> PyResult<()> {
 /// replays: `smaclite-pool replay FILE --to FILE.html` makes a page of one.
 ///
 /// Args:
-///     pool: the pool's name: that of `smaclite-pool serve --name`, or `Envs.name`.
+///     pool: the pool's name: that of `smaclite-pool serve --name`, or `Envs.spec.pool`.
 ///     lane: the lane's name; it may be omitted if the pool has only one lane.
 ///     env_id: the id of an environment, or a list of at most 64 ids.
 ///     episodes: how many complete episodes to keep per environment, 1 to 1000.

@@ -1,13 +1,13 @@
 //! `Spectator` in Python: the newest batch of a lane, without being its learner.
 
 use crate::batch::Batch;
-use crate::convert::to_dict;
-use crate::errors::{class, client_error, connect_error};
+use crate::errors::{class, client_error, connect_error, invalid_request};
 use crate::exit::end_at_exit;
+use crate::lane_spec::lane_spec;
 use crate::query::runtime_dir;
 use crate::wait::run_on_thread;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple};
+use pyo3::types::PyTuple;
 use smaclite_ipc::WaitOptions;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -26,7 +26,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 ///         time.sleep(1)
 ///
 /// Args:
-///     pool: the pool's name: that of `smaclite-pool serve --name`, or `Envs.name`.
+///     pool: the pool's name: that of `smaclite-pool serve --name`, or `Envs.spec.pool`.
 ///     lane: the lane's name; it may be omitted if the pool has only one lane.
 ///
 /// Raises:
@@ -85,10 +85,11 @@ impl Spectator {
         Ok(watching.latest.as_ref().map(|batch| batch.clone_ref(py)))
     }
 
-    /// All properties of the lane as a dict, as `Envs.description`.
+    /// What never changes about the lane, as `Envs.spec`.
     #[getter]
-    fn description<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        to_dict(py, self.lock().as_ref().ok_or_else(closed)?.spectator.description())
+    fn spec<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        let description = self.lock().as_ref().ok_or_else(closed)?.spectator.description().clone();
+        lane_spec(py, &description, &description.layout().map_err(invalid_request)?)
     }
 
     /// Leave the lane. Batches and their arrays stay valid. Closing twice has no effect.

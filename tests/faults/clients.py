@@ -23,7 +23,7 @@ import numpy as np
 import smaclite_pool as sp
 
 def compare(batch, expected):
-    for name in envs.fields:
+    for name in envs.spec.fields:
         np.testing.assert_array_equal(batch[name], expected[name], name)
 
 with sp.make("3m", 2, fields=FIELDS) as twin:
@@ -162,15 +162,14 @@ def editor(url: str, folder: Path) -> str | None:
 
 
 def viewer(url: str, _folder: Path) -> str | None:
-    """Watches a lane until an environment of it is drawn."""
+    """Watches a lane until an environment of it is drawn, or the page says that it cannot be."""
     try:
         opened = page(url)
         opened.request("select_lane", name="own")
         opened.request("set_view", first=0, count=2, visible=True)
-        for _ in range(100):
+        event: Any = {}
+        while event.get("type") not in ("grid", "lost"):
             event = opened.receive().get("event", {})
-            if event.get("type") == "grid" and event["cells"]:
-                break
         opened.close()
     except TimeoutError:
         return "its page hangs"

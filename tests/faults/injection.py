@@ -104,6 +104,9 @@ def run(command: list[str], folder: Path, pools: Path, options: list[str], clien
     except subprocess.TimeoutExpired:
         os.killpg(process.pid, signal.SIGKILL)
         return End(None, process.communicate()[1], problem)
+    finally:
+        if process.poll() is None:  # the client has an error of its own
+            os.killpg(process.pid, signal.SIGKILL)
     return End(process.returncode, stderr, problem)
 
 

@@ -54,7 +54,7 @@ class Neighbour:
                     batch = envs.step(actions)
                     self.longest = max(self.longest, time.monotonic() - begin)
                     expected = twin.step(actions)
-                    for name in envs.fields:
+                    for name in envs.spec.fields:
                         np.testing.assert_array_equal(batch[name], expected[name], name)
                     self._steps += 1
                     time.sleep(0.002)
@@ -73,7 +73,7 @@ class Neighbour:
         return all(lane["spectators"] == 0 for lane in lanes) and lanes[1]["learner_pid"] is None
 
     def _status(self) -> Any:
-        command = [PROGRAM, "status", POOL, "--json"]
+        command: list[Path | str] = [PROGRAM, "status", POOL, "--json"]
         done = subprocess.run(command, capture_output=True, timeout=LONGEST, check=True)
         return json.loads(done.stdout)
 

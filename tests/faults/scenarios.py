@@ -87,7 +87,7 @@ class Stage:
 
     def run(self, options: list[str]) -> End:
         folder = new_folder(self._folder)
-        new = [PROGRAM, "new", "scenario", folder / "out/duel.json"]
+        new: list[Path | str] = [PROGRAM, "new", "scenario", folder / "out/duel.json"]
         subprocess.run(new, capture_output=True, check=True)
         command = self._scenario.command.replace("FOLDER", str(folder / "out")).split()
         return run(command, folder, self._pools(), options, self._scenario.client)

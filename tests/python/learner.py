@@ -18,7 +18,9 @@ def main(pool: str, lane: str, steps_per_s: str) -> None:
         hold = sp.ScriptedPolicy("hold", envs)
         batch = envs.reset(seed=1)
         print("playing", flush=True)
-        places = np.arange(envs.num_envs * envs.n_agents).reshape(envs.num_envs, envs.n_agents)
+        places = np.arange(envs.spec.num_envs * envs.spec.n_agents).reshape(
+            envs.spec.num_envs, envs.spec.n_agents
+        )
         for step in range(10**9):
             begin = time.monotonic()
             is_random = (places + step) % 8 == 0

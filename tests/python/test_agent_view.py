@@ -26,19 +26,19 @@ def test_rows_of_units_hold_every_feature_of_observations(name: str) -> None:
     layout = {part["name"]: part for part in sp.scenario(name)["obs_layout"]}
     with sp.make(name, 3, obs_last_actions=1) as envs:
         entities = sp.extras.Entities(envs)
-        n_others = envs.n_agents + envs.n_enemies - 1
+        n_others = envs.spec.n_agents + envs.spec.n_enemies - 1
         batch = envs.reset(seed=1)
         seen = 0
         for _ in range(30):
             batch = envs.step(envs.sample_actions())
             rows = entities(batch)
-            assert rows.features.shape == (3, envs.n_agents, n_others, len(entities.features))
+            assert rows.features.shape == (3, envs.spec.n_agents, n_others, len(entities.features))
             assert np.shares_memory(rows.features, batch.obs) == entities.is_view
             for side, where in (("enemies", entities.enemies), ("allies", entities.allies)):
                 part = layout[side]
                 size = math.prod(part["shape"])
                 block = batch.obs[..., part["start"] : part["start"] + size]
-                block = block.reshape(3, envs.n_agents, *part["shape"])
+                block = block.reshape(3, envs.spec.n_agents, *part["shape"])
                 for i, feature in enumerate(part["features"]):
                     column = entities.features.index(feature if i else "seen")
                     assert np.array_equal(rows.features[:, :, where, column], block[..., i])
@@ -48,7 +48,7 @@ def test_rows_of_units_hold_every_feature_of_observations(name: str) -> None:
                     assert not rows.features[:, :, where, entities.features.index(feature)].any()
             together = np.concatenate((rows.moves, rows.own), axis=-1)
             start = layout["own"]["start"]
-            assert np.array_equal(together, batch.obs[..., [*range(4), *range(start, envs.obs_size)]])
+            assert np.array_equal(together, batch.obs[..., [*range(4), *range(start, envs.spec.obs_size)]])
             seen += int(rows.mask.sum())
         assert seen > 0
         assert not rows.features.flags.writeable or not entities.is_view
@@ -73,11 +73,14 @@ def test_rows_of_states_are_the_units_of_the_battle() -> None:
         for _ in range(80):
             batch = envs.step(envs.sample_actions())
         rows, alive = entities.state(batch)
-        assert rows.shape == (2, envs.n_agents + envs.n_enemies, len(entities.state_features))
-        assert np.array_equal(alive[:, : envs.n_agents], batch.alive)
-        assert ((~alive[:, envs.n_agents :]).sum(1) == batch.dead_enemies).all()
+        assert rows.shape == (2, envs.spec.n_agents + envs.spec.n_enemies, len(entities.state_features))
+        assert np.array_equal(alive[:, : envs.spec.n_agents], batch.alive)
+        assert ((~alive[:, envs.spec.n_agents :]).sum(1) == batch.dead_enemies).all()
         cooldown = entities.state_features.index("energy/cooldown")
-        assert rows[:, : envs.n_agents, cooldown].any() and not rows[:, envs.n_agents :, cooldown].any()
+        assert (
+            rows[:, : envs.spec.n_agents, cooldown].any()
+            and not rows[:, envs.spec.n_agents :, cooldown].any()
+        )
 
 
 class AppendsOne(sp.extras.Wrapper):
@@ -139,7 +142,7 @@ def test_a_view_says_what_the_observation_has() -> None:
                 assert list(view.actions.values()) == np.flatnonzero(batch.avail_actions[1, agent]).tolist()
                 for unit in view.enemies + view.allies:
                     side, number = unit.name.split()
-                    index = int(number) + (envs.n_agents if side == "enemy" else 0)
+                    index = int(number) + (envs.spec.n_agents if side == "enemy" else 0)
                     dx, dy = squares[1, index] - squares[1, agent]
                     assert alive[1, index] and np.allclose((unit.dx, unit.dy), (dx, dy), atol=1e-3)
                     assert math.isclose(unit.distance, math.hypot(dx, dy), abs_tol=1e-3)
@@ -185,7 +188,7 @@ def test_types_that_are_drawn_come_from_the_observation() -> None:
         batch = envs.reset(seed=1)
         views = sp.extras.AgentViews(envs)
         for env in range(4):
-            for agent in range(envs.n_agents):
+            for agent in range(envs.spec.n_agents):
                 drawn = names[int(batch.level[env, agent, 0])]
                 assert views(batch, env, agent).unit_type == drawn
 

@@ -208,7 +208,7 @@ def converted(envs: sp.Envs, snapshots: NDArray[np.uint8]) -> dict[str, Callable
         "fields": lambda v: sp.make("3m", 1, fields=v),
         "episode_limit": lambda v: sp.make("3m", 1, episode_limit=v),
         "weight": lambda v: sp.make("3m", 1, opponent={"kite": v}),
-        "Recorder": lambda v: sp.Recorder(envs.name, env_id=v),
+        "Recorder": lambda v: sp.Recorder(envs.spec.pool, env_id=v),
         "snapshot_columns": sp.snapshot_columns,
         "timeout of connect": lambda v: sp.connect("none", timeout=v),
         "state of a policy": lambda v: policy(batch.replace(state=v)),

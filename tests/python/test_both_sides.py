@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
 from pathlib import Path
@@ -19,20 +18,28 @@ PROGRAM = [sys.executable, "-m", "smaclite_pool"]
 
 def test_the_enemies_have_fields_of_their_own() -> None:
     with sp.make("MMM2", num_envs=3, sides="both", obs_agent_id=True, autoreset_mode="SameStep") as envs:
-        assert (envs.sides, envs.opponents, envs.n_actors) == ("both", {"learner": 1.0}, 10 + 12)
+        assert (envs.spec.sides, envs.spec.opponents, envs.spec.n_actors) == (
+            "both",
+            {"learner": 1.0},
+            10 + 12,
+        )
         batch = envs.reset(seed=1)
-        assert batch.enemy_obs.shape == (3, 12, envs.enemy_obs_size)
-        assert batch.enemy_state.shape == (3, envs.enemy_state_size)
-        assert batch.enemy_avail_actions.shape == (3, 12, envs.n_enemy_actions)
+        assert batch.enemy_obs.shape == (3, 12, envs.spec.enemy_obs_size)
+        assert batch.enemy_state.shape == (3, envs.spec.enemy_state_size)
+        assert batch.enemy_avail_actions.shape == (3, 12, envs.spec.n_enemy_actions)
         assert batch.enemy_alive.shape == (3, 12) and batch.enemy_alive.all()
         assert batch.enemy_reward.shape == (3,)
-        assert {name for name in envs.fields if "enemy" in name} >= {"final_enemy_obs", "final_enemy_state"}
+        assert {name for name in envs.spec.fields if "enemy" in name} >= {
+            "final_enemy_obs",
+            "final_enemy_state",
+        }
         # The number of an enemy is the last part of its row.
         assert (batch.enemy_obs[:, :, -12:] == np.eye(12)).all()
-        assert json.loads(json.dumps(envs.description))["enemies"]["n_actions"] == envs.n_enemy_actions
+        described = sp.status(envs.spec.pool)["lanes"][0]["description"]["enemies"]
+        assert described and described["n_actions"] == envs.spec.n_enemy_actions
     with sp.make("MMM2", num_envs=1, fields=["enemy_obs", "obs"]) as envs:
-        assert envs.sides == "allies" and envs.n_actors == 10 and envs.n_enemy_actions == 0
-        assert "enemy_obs" not in envs.fields and envs.description["enemies"] is None
+        assert envs.spec.sides == "allies" and envs.spec.n_actors == 10 and envs.spec.n_enemy_actions == 0
+        assert "enemy_obs" not in envs.spec.fields and envs.spec.enemy_obs_size == 0
 
 
 def test_scripts_play_either_side() -> None:
@@ -46,14 +53,17 @@ def test_scripts_play_either_side() -> None:
             for _ in range(100):
                 batch = envs.step(np.concatenate([player(batch) for player in players], axis=1))
                 won += int(batch.battle_won.sum())
-                lost += int((batch.terminated & (batch.dead_allies == envs.n_agents)).sum())
+                lost += int((batch.terminated & (batch.dead_allies == envs.spec.n_agents)).sum())
             assert (won, lost) == ((won, 0) if good_side == "allies" else (0, lost)) and won + lost > 16
 
 
 def test_a_mirror_shows_the_same_battle() -> None:
     with sp.make("2s3z", num_envs=1, sides="both", mirror=True) as envs:
         batch = envs.reset(seed=1)
-        assert (envs.obs_size, envs.n_actions) == (envs.enemy_obs_size, envs.n_enemy_actions)
+        assert (envs.spec.obs_size, envs.spec.n_actions) == (
+            envs.spec.enemy_obs_size,
+            envs.spec.n_enemy_actions,
+        )
         for _ in range(4):
             np.testing.assert_allclose(batch.enemy_obs, batch.obs, atol=2e-3)
             np.testing.assert_allclose(batch.enemy_state, batch.state, atol=2e-3)
@@ -186,7 +196,7 @@ def test_a_served_lane_has_both_sides(tmp_path: Path) -> None:
     with subprocess.Popen(command, stdout=subprocess.DEVNULL) as pool:
         try:
             with sp.connect("both-sides", timeout=20) as envs:
-                assert envs.description["sides"] == {"both": {"mirror": True, "zero_sum": False}}
+                assert (envs.spec.sides, envs.spec.mirror, envs.spec.zero_sum) == ("both", True, False)
                 envs.reset()
                 assert envs.step(envs.sample_actions()).enemy_alive.all()
         finally:

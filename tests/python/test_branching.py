@@ -42,7 +42,7 @@ def test_battles_go_on_from_a_snapshot_with_the_same_bits(tmp_path: Path) -> Non
         steps(envs, 7)
         batch = envs.step(envs.sample_actions())
         kept = batch.snapshot  # a view, which keeps its batch
-        assert kept.shape == (6, envs.snapshot_size) and kept.dtype == np.uint8
+        assert kept.shape == (6, envs.spec.snapshot_size) and kept.dtype == np.uint8
         np.save(tmp_path / "kept.npy", kept)
         future = steps(envs, 30)
         batch = envs.reset(snapshots=kept)

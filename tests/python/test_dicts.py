@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 import smaclite_pool as sp
-from smaclite_pool.types import LaneDescription, PoolStatus, Scenario
+from smaclite_pool.types import PoolStatus, Scenario
 
 
 def check(value: object, expected: Any, where: str) -> None:
@@ -52,14 +52,12 @@ def test_a_scenario_has_its_type(name: str) -> None:
 
 @pytest.mark.parametrize(("limit", "sides"), [(7, "allies"), (None, "both")])
 @pytest.mark.parametrize("autoreset", ["NextStep", "SameStep", "Disabled"])
-def test_a_description_and_a_status_have_their_types(autoreset: Any, limit: int | None, sides: Any) -> None:
+def test_a_status_has_its_type(autoreset: Any, limit: int | None, sides: Any) -> None:
     options: dict[str, Any] = {"episode_limit": limit, "sides": sides, "rules": "paper"}
     with sp.make("2s3z", 2, name="train", autoreset_mode=autoreset, **options) as envs:
-        check(envs.description, LaneDescription, "description")
         envs.reset()
         status = sp.status("train")
         check(status, PoolStatus, "status")
-        assert status["lanes"][0]["description"] == envs.description
 
 
 def test_a_dict_with_other_keys_or_types_is_found() -> None:

@@ -539,7 +539,7 @@ def errors() -> dict[str, Callable[[], object]]:
 
     def watch() -> None:
         while True:
-            spectators.append(sp.Spectator(envs.name))
+            spectators.append(sp.Spectator(envs.spec.pool))
 
     def wait_too_short() -> None:
         # Mostly not ready when the time is looked at first; else the system kept this thread from its core.
@@ -567,10 +567,10 @@ def errors() -> dict[str, Callable[[], object]]:
         "held": hold,
         "memory": lambda: sp.make("27m_vs_30m", num_envs=1_000_000),
         "pool": lambda: sp.connect("nothing"),
-        "taken": lambda: sp.connect(envs.name),
-        "lane": lambda: sp.connect(envs.name, lane="zz"),
+        "taken": lambda: sp.connect(envs.spec.pool),
+        "lane": lambda: sp.connect(envs.spec.pool, lane="zz"),
         "spectators": watch,
-        "name": lambda: sp.make("2s3z", name=envs.name),
+        "name": lambda: sp.make("2s3z", name=envs.spec.pool),
         "timeout": wait_too_short,
         "closed": closed.reset,
     }

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +19,10 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 def test_a_batch_has_the_fields_that_the_lane_declares() -> None:
     with sp.make("2s3z", num_envs=3, seed=5) as envs:
         batch = envs.reset()
-        assert batch.keys() == list(envs.fields)
-        sizes = (3, envs.n_agents, envs.obs_size)
-        assert envs.fields["obs"] == (np.dtype("float32"), sizes) and sizes == (3, 5, 80)
-        for name, (dtype, shape) in envs.fields.items():
+        assert batch.keys() == list(envs.spec.fields)
+        sizes = (3, envs.spec.n_agents, envs.spec.obs_size)
+        assert envs.spec.fields["obs"] == (np.dtype("float32"), sizes) and sizes == (3, 5, 80)
+        for name, (dtype, shape) in envs.spec.fields.items():
             view = getattr(batch, name)
             assert (view.dtype, view.shape) == (dtype, shape), name
             assert view.flags.c_contiguous and view.ctypes.data % 64 == 0, name
@@ -29,17 +31,28 @@ def test_a_batch_has_the_fields_that_the_lane_declares() -> None:
         assert batch.alive.all() and batch.avail_actions.any(axis=2).all()
 
 
-def test_properties_and_description_agree() -> None:
-    with sp.make("MMM2", num_envs=2, batch_size=1, seed=9, name="mine") as envs:
-        described = dict(envs.description)
-        sizes = ("num_envs", "batch_size", "n_agents", "n_enemies", "n_actions", "obs_size", "state_size")
-        for name in sizes:
-            assert getattr(envs, name) == described[name], name
-        assert (envs.scenario, envs.lane, envs.name, envs.seed) == ("MMM2", "MMM2", "mine", 9)
-        assert (envs.rules, envs.autoreset_mode, envs.episode_limit) == ("smaclite", "NextStep", 180)
-        assert "mine" in sp.pools() and sp.status("mine")["lanes"][0]["learner_pid"] == envs.pid
-        assert "MMM2" in repr(envs) and "mine" in repr(envs)
+def test_the_spec_says_what_the_status_says_and_outlives_the_environments() -> None:
+    with sp.make("MMM2", num_envs=2, batch_size=1, seed=9, name="mine", obs_last_actions=2) as envs:
+        spec = envs.spec
+        status = sp.status("mine")["lanes"][0]
+        described: dict[str, Any] = {**status["description"], "fields": spec.fields}
+        named = {name for name in dir(spec) if not name.startswith("_")}
+        assert {"num_envs", "batch_size", "n_agents", "n_enemies", "n_actions", "obs_size"} <= named
+        for name in named & described.keys():
+            assert getattr(spec, name) == described[name], name
+        assert list(spec.fields) == status["description"]["fields"]
+        assert (spec.scenario, spec.lane, spec.pool, spec.seed) == ("MMM2", "MMM2", "mine", 9)
+        assert (spec.rules, spec.autoreset_mode, spec.episode_limit) == ("smaclite", "NextStep", 180)
+        assert "mine" in sp.pools() and status["learner_pid"] == spec.pid
+        for shown in (repr(envs), repr(spec)):
+            assert "MMM2" in shown and "mine" in shown
     assert sp.pools() == []
+    for copied in (pickle.loads(pickle.dumps(spec)), copy.deepcopy(spec)):
+        assert copied == spec and copied.fields == spec.fields and copied.snapshot_size == spec.snapshot_size
+    with sp.make("MMM2", num_envs=2, batch_size=1, seed=9, name="mine") as other:
+        assert other.spec != spec
+    with pytest.raises(AttributeError):
+        spec.n_agents = 3  # type: ignore[misc]
 
 
 def test_own_actions_and_numbers_follow_the_features() -> None:
@@ -48,9 +61,9 @@ def test_own_actions_and_numbers_follow_the_features() -> None:
     settings: dict[str, Any] = {"num_envs": num_envs, "seed": 3, "autoreset_mode": "SameStep"}
     own = sp.make("2s3z", obs_last_actions=last_actions, obs_agent_id=True, **settings)
     with own as envs, sp.make("2s3z", **settings) as plain:
-        n_agents, n_actions, features = envs.n_agents, envs.n_actions, plain.obs_size
-        assert envs.obs_size == features + last_actions * n_actions + n_agents
-        assert envs.description["obs_last_actions"] == 3 and envs.description["obs_agent_id"] is True
+        n_agents, n_actions, features = envs.spec.n_agents, envs.spec.n_actions, plain.spec.obs_size
+        assert envs.spec.obs_size == features + last_actions * n_actions + n_agents
+        assert envs.spec.obs_last_actions == 3 and envs.spec.obs_agent_id is True
         history = np.zeros((num_envs, n_agents, last_actions, n_actions), np.float32)
         ids = np.broadcast_to(np.eye(n_agents, dtype=np.float32), (num_envs, n_agents, n_agents))
         policy = sp.ScriptedPolicy("nearest", envs)
@@ -78,7 +91,7 @@ def test_own_actions_and_numbers_follow_the_features() -> None:
 def test_a_served_lane_appends_them_too(serve: Serve) -> None:
     serve("2s3z:2", "--name", "own", "--obs-last-actions", "2", "--obs-agent-id")
     with sp.connect("own") as envs:
-        assert envs.obs_size == 80 + 2 * envs.n_actions + envs.n_agents
+        assert envs.spec.obs_size == 80 + 2 * envs.spec.n_actions + envs.spec.n_agents
         batch = envs.reset()
         assert np.array_equal(batch.obs[:, :, -5:], [np.eye(5)] * 2)
         sp.ScriptedPolicy("nearest", envs)(batch)
@@ -182,9 +195,9 @@ def test_disabled_autoreset_requires_a_masked_reset() -> None:
 
 def test_an_episode_limit_can_be_removed_or_changed() -> None:
     with sp.make("2s3z", 1, episode_limit=None) as envs:
-        assert envs.episode_limit is None
+        assert envs.spec.episode_limit is None
     with sp.make("2s3z", 1, episode_limit=7) as envs:
-        assert envs.episode_limit == 7
+        assert envs.spec.episode_limit == 7
 
 
 def test_a_lane_includes_only_selected_fields() -> None:
@@ -216,7 +229,7 @@ def test_asynchronous_stepping_serves_every_environment() -> None:
         "envs.step(envs.sample_actions())",
         "sp.make('2s3z', num_envs=2).reset()",
         "batch = sp.make('2s3z', num_envs=2).reset(); time.sleep(100)",
-        "batch = sp.Spectator(envs.name).latest(); time.sleep(100)",
+        "batch = sp.Spectator(envs.spec.pool).latest(); time.sleep(100)",
     ],
 )
 def test_an_interpreter_that_exits_while_a_daemon_thread_works_leaves_nothing(doing: str) -> None:
@@ -247,8 +260,8 @@ time.sleep(0.3)
         ("", "self.envs.sample_actions()", "Closed"),
         ("", "self.envs.step('wrong')", "Error"),
         ("", "sp.make('3m', 2)", "Closed"),
-        ("", "sp.status(self.envs.name)", "NoSuchPool"),
-        ("self.spectator = sp.Spectator(self.envs.name)", "self.spectator.latest()", "PoolDied"),
+        ("", "sp.status(self.envs.spec.pool)", "NoSuchPool"),
+        ("self.spectator = sp.Spectator(self.envs.spec.pool)", "self.spectator.latest()", "PoolDied"),
     ],
 )
 def test_a_call_in_a_destructor_at_the_exit_is_an_error(begin: str, end: str, error: str) -> None:
@@ -283,7 +296,7 @@ def test_the_status_counts_what_the_learner_received(batch_size: int) -> None:
             wins += int(batch.battle_won[ended].sum())
         if batch_size < 6:
             envs.reset()  # waits for the environments that are under way
-        stats = sp.status(envs.name)["lanes"][0]["stats"]
+        stats = sp.status(envs.spec.pool)["lanes"][0]["stats"]
     if batch_size == 6:
         assert (stats["steps"], stats["episodes"], stats["wins"]) == (steps, len(returns), wins)
         assert stats["returns"] == pytest.approx(sum(returns), abs=1e-3)

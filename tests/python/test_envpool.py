@@ -156,4 +156,4 @@ def test_both_teams_have_arrays() -> None:
             assert np.array_equal(info["enemy_reward"], batch.enemy_reward)
             assert np.array_equal(info["enemy_alive"], batch.enemy_alive)
         assert envs.spec.action_array_spec["action"].shape == (11,)
-        assert envs.spec.state_array_spec["obs:enemy_obs"].shape == (6, pool.enemy_obs_size)
+        assert envs.spec.state_array_spec["obs:enemy_obs"].shape == (6, pool.spec.enemy_obs_size)

@@ -248,7 +248,7 @@ def test_settings_that_cannot_be_served_are_refused() -> None:
         with pytest.raises(sp.errors.InvalidRequest, match=reason):
             PoolRunner(args_of(2, **{name: value}), Log())
     rewarded = PoolRunner(args_of(2, reward_only_positive=False, reward_win=200), Log())
-    assert not rewarded._envs.rewards["reward_only_positive"]
+    assert not rewarded._envs.spec.rewards["reward_only_positive"]
     rewarded.close_env()
     unshared = args_of(2)
     unshared.common_reward = False

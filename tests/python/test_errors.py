@@ -298,20 +298,20 @@ def test_a_name_that_no_pool_can_have() -> None:
 
 
 def test_a_name_or_lane_that_is_in_use(envs: sp.Envs) -> None:
-    with pytest.raises(sp.errors.LaneTaken, match=f"process {envs.pid}") as caught:
-        sp.connect(envs.name)
-    assert caught.value.learner_pid == envs.pid and isinstance(caught.value, ConnectionError)
+    with pytest.raises(sp.errors.LaneTaken, match=f"process {envs.spec.pid}") as caught:
+        sp.connect(envs.spec.pool)
+    assert caught.value.learner_pid == envs.spec.pid and isinstance(caught.value, ConnectionError)
     with pytest.raises(sp.errors.StartError, match="runs already"):
-        sp.make("2s3z", 1, name=envs.name)
+        sp.make("2s3z", 1, name=envs.spec.pool)
 
 
 def test_no_such_pool_or_lane(envs: sp.Envs) -> None:
-    with pytest.raises(sp.errors.NoSuchPool, match=f"running: {envs.name}"):
+    with pytest.raises(sp.errors.NoSuchPool, match=f"running: {envs.spec.pool}"):
         sp.connect("absent", timeout=0.05)
     with pytest.raises(sp.errors.NoSuchPool):
         sp.status("absent")
     with pytest.raises(sp.errors.ConnectError, match="no lane `x`; the pool has `2s3z`"):
-        sp.connect(envs.name, "x")
+        sp.connect(envs.spec.pool, "x")
 
 
 def test_closed_environments_say_so(envs: sp.Envs) -> None:
@@ -321,7 +321,7 @@ def test_closed_environments_say_so(envs: sp.Envs) -> None:
     for call in (envs.recv, envs.reset, envs.sample_actions):
         with pytest.raises(sp.errors.Closed, match="are closed"):
             call()
-    assert envs.num_envs == 2 and np.isfinite(obs).all()
+    assert envs.spec.num_envs == 2 and np.isfinite(obs).all()
 
 
 def test_every_exception_can_be_raised_again_from_its_message() -> None:

@@ -521,7 +521,7 @@ def test_an_environment_is_copied_by_its_arguments_before_its_first_reset() -> N
     first, _ = env.reset()
     for made in copies:
         assert made is not env and np.array_equal(made.reset()[0]["obs"], first["obs"])
-        assert made._battle.envs.episode_limit == 7
+        assert made._battle.envs.spec.episode_limit == 7
     for broken in (copy.deepcopy, pickle.dumps):
         with pytest.raises(TypeError, match=r"after its first reset: `save` and `restore` .* `Envs.fork`"):
             broken(env)

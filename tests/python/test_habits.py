@@ -71,9 +71,9 @@ def test_a_call_out_of_habit_says_what_to_call(lane: sp.Envs, call: Call, match:
 
 ATTRIBUTES = {
     "action_space": "BattleVectorEnv", "single_observation_space": "BattleVectorEnv", "save": "snapshot",
-    "clone": "fork", "get_env_info": "description", "get_avail_actions": "avail_actions",
+    "clone": "fork", "get_env_info": "spec", "get_avail_actions": "avail_actions",
     "n_envs": "num_envs", "autoreset": "autoreset_mode", "max_episode_steps": "episode_limit",
-    "agents": "n_agents", "step_async": "send", "n_agent": "did you mean `n_agents`",
+    "agents": "n_agents", "step_async": "send", "n_agent": r"did you mean `spec\.n_agents`",
 }  # fmt: skip
 
 
@@ -103,7 +103,7 @@ def test_a_field_of_other_batches_is_translated(lane: sp.Envs, name: str) -> Non
 
 
 def test_the_length_of_environments_is_their_number(lane: sp.Envs) -> None:
-    assert len(lane) == lane.num_envs == 2
+    assert len(lane) == lane.spec.num_envs == 2
 
 
 def test_a_dataset_says_that_it_is_expanded_first(tmp_path: Path) -> None:
@@ -125,7 +125,7 @@ def test_the_autoreset_mode_has_gymnasiums_name_and_values() -> None:
     for mode in gymnasium.vector.AutoresetMode:
         for given in (mode, mode.value):
             with sp.make("3m", 1, threads=1, autoreset_mode=given) as envs:
-                assert gymnasium.vector.AutoresetMode(envs.autoreset_mode) is mode
+                assert gymnasium.vector.AutoresetMode(envs.spec.autoreset_mode) is mode
     for wrong in ("next_step", "same-step"):
         with pytest.raises(
             sp.errors.InvalidRequest, match="must be `NextStep`, `SameStep` or `Disabled`, got"
@@ -217,7 +217,7 @@ def test_a_reset_takes_a_seed_per_environment() -> None:
 
 
 def stops(envs: sp.Envs) -> np.ndarray[Any, Any]:
-    return np.ones((envs.num_envs, envs.n_agents), np.int32)
+    return np.ones((envs.spec.num_envs, envs.spec.n_agents), np.int32)
 
 
 def test_seeds_per_environment_go_with_levels() -> None:

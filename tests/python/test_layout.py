@@ -33,8 +33,8 @@ def played(scenario: str) -> list[dict[str, Any]]:
 def test_the_blocks_cover_observations_and_state(scenario: str) -> None:
     info = sp.scenario(scenario)
     with sp.make(scenario, 1) as envs:
-        obs_size, state_size = envs.obs_size, envs.state_size
-        n_actions = envs.n_actions
+        obs_size, state_size = envs.spec.obs_size, envs.spec.state_size
+        n_actions = envs.spec.n_actions
     for blocks, size in ((info["obs_layout"], obs_size), (info["state_layout"], state_size)):
         end = 0
         for block in blocks:

@@ -52,7 +52,7 @@ def test_a_rollout_holds_copies_of_consecutive_batches() -> None:
         for name, array in rollout.arrays.items():
             np.testing.assert_array_equal(array, np.stack([copy[name] for copy in copies]))
             assert array.flags.c_contiguous and getattr(rollout, name) is array
-        assert rollout.obs.shape == (7, 3, envs.n_agents, envs.obs_size)
+        assert rollout.obs.shape == (7, 3, envs.spec.n_agents, envs.spec.obs_size)
         with pytest.raises(IndexError, match="row 7 of a rollout with rows 0 to 6"):
             rollout[7] = batch
         with pytest.raises(AttributeError, match="no field 'final_obs'; it has env_id, obs"):
@@ -158,7 +158,7 @@ def test_wrappers_change_batches_and_actions_and_nothing_else() -> None:
     wrapper = Doubled(NorthIsStop(sp.make("2s3z", 2)))
     with wrapper as same:
         changed = played(same, north)
-        assert same is wrapper and same.n_agents == 5 and same.batches == 31
+        assert same is wrapper and same.spec.n_agents == 5 and same.batches == 31
         assert repr(same).startswith("<Doubled of <NorthIsStop of <smaclite_pool.Envs 2 x 2s3z")
         assert isinstance(wrapper.unwrapped, sp.Envs)
     with pytest.raises(sp.errors.Closed):
@@ -270,6 +270,7 @@ def test_wrappers_have_the_signatures_of_what_they_wrap() -> None:
         assert set(public(wrapper)) - set(public(envs)) == {
             "change_actions",
             "change_batch",
+            "change_spec",
             "envs",
             "unwrapped",
         }
@@ -334,7 +335,7 @@ def test_levels_and_selections_reach_the_environments_through_a_wrapper() -> Non
         wrapper = sp.extras.Wrapper(sp.extras.Wrapper(envs))
         policy = sp.ScriptedPolicy("nearest", wrapper)
         assert policy(wrapper.reset(seed=1)).shape == (2, 3)
-        assert sp.Renderer(wrapper).state_size == envs.state_size
+        assert sp.Renderer(wrapper).state_size == envs.spec.state_size
         assert sp.scenario(wrapper)["name"] == "3m"
         assert sp.evaluate(Doubled(envs), policy, 4, seed=1).mean_return > 0
 
@@ -411,8 +412,8 @@ def test_lanes_divide_the_environments_of_one_pool(tmp_path: Path) -> None:
     path = tmp_path / "first.smreplay"
     with sp.make("2s3z", 5, seed=11) as whole:
         first, second = sp.make("2s3z", 5, seed=11, lanes=2, threads=1, record=path)
-        assert (first.num_envs, second.num_envs, second.seed) == (3, 2, 14)
-        assert first.name == second.name and first.lane != second.lane
+        assert (first.spec.num_envs, second.spec.num_envs, second.spec.seed) == (3, 2, 14)
+        assert first.spec.pool == second.spec.pool and first.spec.lane != second.spec.lane
         batch, policy = whole.reset(), sp.ScriptedPolicy("nearest", whole)
         halves = [first.reset(), second.reset()]
         for _ in range(60):

@@ -53,7 +53,7 @@ def test_zero_copy(attached: bool, serve: Serve, runtime_dir: Path) -> None:
         assert mapping.path.startswith(f"/dev/shm/{shm_prefix(runtime_dir)}"), mapping
         assert mapping.path.endswith(".data"), mapping
         assert mapping.permissions == "r--s"
-        writers = [m for m in mappings(envs.pid) if m.file == mapping.file and "w" in m.permissions]
+        writers = [m for m in mappings(envs.spec.pid) if m.file == mapping.file and "w" in m.permissions]
         assert len(writers) == 1, "the supervisor maps the same file for writing"
         for field in batch.keys():
             assert mapping_of(getattr(batch, field)).file == mapping.file, field

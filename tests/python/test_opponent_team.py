@@ -85,11 +85,11 @@ def test_a_team_plays_as_load_team_does(decided: Path, own_actions: int, threads
 
 def test_a_lane_with_a_team_looks_like_any_other() -> None:
     with sp.make("3m", num_envs=2, opponent="zoo:3m") as envs, sp.make("3m", num_envs=2) as usual:
-        assert (envs.sides, envs.n_actors, envs.obs_size) == ("allies", 3, usual.obs_size)
-        assert set(envs.fields) == set(usual.fields)
-        assert envs.opponents == envs.description["opponents"] == {"learner": 1.0}
-        assert envs.opponent_team == envs.description["opponent_team"] == "zoo:3m"
-        assert usual.opponent_team is None
+        assert (envs.spec.sides, envs.spec.n_actors, envs.spec.obs_size) == ("allies", 3, usual.spec.obs_size)
+        assert set(envs.spec.fields) == set(usual.spec.fields)
+        assert envs.spec.opponents == {"learner": 1.0}
+        assert envs.spec.opponent_team == "zoo:3m"
+        assert usual.spec.opponent_team is None
 
 
 def test_threads_and_batches_change_no_bit() -> None:
@@ -157,13 +157,13 @@ def test_a_team_and_scripts_take_turns() -> None:
         for _ in range(60):
             seen |= {sp.OPPONENTS[opponent] for opponent in batch.opponent}
             batch = envs.step(agents(batch))
-        assert seen == {"learner", "hold"} and envs.opponents == {"learner": 1.0, "hold": 1.0}
+        assert seen == {"learner", "hold"} and envs.spec.opponents == {"learner": 1.0, "hold": 1.0}
 
 
 def test_a_served_lane_shows_the_same_bits(serve: Serve) -> None:
     serve("3m:6", "--opponent", "zoo:3m", "--fields", ",".join(FIELDS), "--name", "arena", "--threads", "2")
     with sp.connect("arena") as envs:
-        assert envs.opponent_team == "zoo:3m"
+        assert envs.spec.opponent_team == "zoo:3m"
         assert_equal(rows_of(envs, envs.reset(seed=3), 120), play())
     refused = subprocess.run(
         [*PROGRAM, "train", "--pool", "arena", "--out", "run"], capture_output=True, text=True, check=False
@@ -179,7 +179,7 @@ def test_gymnasium_shows_the_same_bits() -> None:
         (seen, _), batch = vector.reset(seed=3), envs.reset(seed=3)
         for _ in range(60):
             np.testing.assert_array_equal(seen["obs"], batch.obs)
-            actions = envs.n_actions - 1 - batch.avail_actions[:, :, ::-1].argmax(-1)
+            actions = envs.spec.n_actions - 1 - batch.avail_actions[:, :, ::-1].argmax(-1)
             seen, batch = vector.step(actions)[0], envs.step(actions)
     vector.close()
 

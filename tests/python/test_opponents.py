@@ -17,7 +17,7 @@ MIXTURE = {"attack_move": 1.0, "kite": 2.0, "hold": 1.0}
 def test_the_names_are_those_of_the_policies_and_two_more() -> None:
     assert sp.OPPONENTS[:3] == ("attack_move", "attack_nearest", "random") and sp.OPPONENTS[-1] == "learner"
     with sp.make("3m", num_envs=1) as envs:
-        assert envs.opponents == {"attack_move": 1.0} and "opponent" not in envs.fields
+        assert envs.spec.opponents == {"attack_move": 1.0} and "opponent" not in envs.spec.fields
         for name in sp.OPPONENTS[2:-1]:
             sp.ScriptedPolicy(name, envs)  # type: ignore[arg-type]
 
@@ -25,7 +25,7 @@ def test_the_names_are_those_of_the_policies_and_two_more() -> None:
 @pytest.mark.parametrize("opponent", sp.OPPONENTS[:-1])
 def test_every_opponent_plays(opponent: str) -> None:
     with sp.make("MMM", num_envs=2, opponent=opponent, fields=["opponent", "state", "avail_actions"]) as envs:
-        assert envs.opponents == envs.description["opponents"] == {opponent: 1.0}
+        assert envs.spec.opponents == {opponent: 1.0}
         policy = sp.ScriptedPolicy("nearest", envs)
         batch = envs.reset(seed=1)
         for _ in range(40):

@@ -49,7 +49,7 @@ def test_actions_are_available_on_every_map(scenario: str) -> None:
             batch = envs.reset(seed=1)
             for _ in range(45):  # past the end of an episode, where the actions are ignored
                 actions = policy(batch)
-                assert actions.shape == (3, envs.n_agents) and actions.dtype == np.int32
+                assert actions.shape == (3, envs.spec.n_agents) and actions.dtype == np.int32
                 assert np.take_along_axis(batch.avail_actions, actions[..., None].astype(int), -1).all()
                 batch = envs.step(actions)
 

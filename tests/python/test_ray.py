@@ -72,7 +72,11 @@ class Player:
 
     def where(self) -> dict[str, Any]:
         envs, lane = self.lane.envs, self.lane
-        where = {"node": ray.get_runtime_context().get_node_id(), "pool": envs.name, "pid": envs.pid}
+        where = {
+            "node": ray.get_runtime_context().get_node_id(),
+            "pool": envs.spec.pool,
+            "pid": envs.spec.pid,
+        }
         where |= {"lane": lane.name, "seed": lane.seed, "generation": lane.generation}
         return where | {"process": os.getpid()}
 

@@ -147,12 +147,15 @@ def test_wrong_arguments_name_what_is_accepted(tmp_path: Path) -> None:
         sp.Recorder("train")
     with sp.make("3m", 2) as envs:
         with pytest.raises(sp.errors.ConnectError, match="env_id must be below 2, .* got 2"):
-            sp.Recorder(envs.name, env_id=2)
+            sp.Recorder(envs.spec.pool, env_id=2)
         with pytest.raises(sp.errors.InvalidRequest, match="episodes must be between 1 and 1000, got 0"):
-            sp.Recorder(envs.name, episodes=0)
+            sp.Recorder(envs.spec.pool, episodes=0)
         with pytest.raises(sp.errors.InvalidRequest, match="env_id"):
-            sp.Recorder(envs.name, env_id=-1)
-        with sp.Recorder(envs.name) as recorder, pytest.raises(sp.errors.InvalidRequest, match=r"\.smreplay"):
+            sp.Recorder(envs.spec.pool, env_id=-1)
+        with (
+            sp.Recorder(envs.spec.pool) as recorder,
+            pytest.raises(sp.errors.InvalidRequest, match=r"\.smreplay"),
+        ):
             recorder.save(tmp_path / "a.gif")
     (tmp_path / "missing").mkdir()
     envs = sp.make("3m", 1, record=tmp_path / "missing" / "a.smreplay")
@@ -168,7 +171,7 @@ def test_what_is_read_too_late_is_counted_and_reported(tmp_path: Path) -> None:
     path = tmp_path / "late.smreplay"
     with (
         sp.make("27m_vs_30m", 64, episode_limit=1) as envs,
-        sp.Recorder(envs.name, env_id=list(range(64)), episodes=1000) as recorder,
+        sp.Recorder(envs.spec.pool, env_id=list(range(64)), episodes=1000) as recorder,
     ):
         envs.reset(seed=1)
         play(envs, 600)
@@ -186,7 +189,7 @@ def test_a_recorder_misses_nothing_that_it_would_not_keep(
 ) -> None:
     with (
         sp.make("27m_vs_30m", 64, episode_limit=1) as envs,
-        sp.Recorder(envs.name, env_id=list(range(64)), episodes=3) as recorder,
+        sp.Recorder(envs.spec.pool, env_id=list(range(64)), episodes=3) as recorder,
     ):
         envs.reset(seed=1)
         play(envs, 600)

@@ -36,10 +36,10 @@ def steps(envs: sp.Envs, n: int, seed: int = 3) -> list[dict[str, Any]]:
 def test_every_scenario_has_the_default_rewards_until_it_is_told_others() -> None:
     for name in sp.scenarios():
         with sp.make(name, 1) as envs:
-            assert envs.rewards == DEFAULTS == envs.description["rewards"], name
+            assert envs.spec.rewards == DEFAULTS, name
     with sp.make("3m", 1, rewards={"reward_win": 50}) as envs:
-        assert envs.rewards == {**DEFAULTS, "reward_win": 50.0}
-        assert sp.status(envs.name)["lanes"][0]["description"]["rewards"]["reward_win"] == 50
+        assert envs.spec.rewards == {**DEFAULTS, "reward_win": 50.0}
+        assert sp.status(envs.spec.pool)["lanes"][0]["description"]["rewards"]["reward_win"] == 50
 
 
 def test_defaults_that_are_written_out_change_no_bit() -> None:
@@ -84,7 +84,7 @@ def test_scenarios_with_smacv2s_options_have_their_own() -> None:
     with pytest.raises(sp.errors.ScenarioError, match="`rewards` must be left out beside `smacv2`"):
         sp.make("3m", 1, rewards={"reward_win": 1}, smacv2={})
     with sp.make(name, 1, smacv2={"reward_win": 77}) as envs:
-        assert envs.rewards["reward_win"] == 77
+        assert envs.spec.rewards["reward_win"] == 77
 
 
 @pytest.mark.parametrize("autoreset", ["NextStep", "SameStep"])
@@ -117,7 +117,7 @@ def test_shares_add_up_in_every_mode(autoreset: Any, batch_size: int, threads: i
 
 def test_shares_must_be_named() -> None:
     with sp.make("3m", 2) as envs:
-        assert "reward_agents" not in envs.fields
+        assert "reward_agents" not in envs.spec.fields
         with pytest.raises(AttributeError, match="add it to `fields`$"):
             _ = envs.reset().reward_agents
 

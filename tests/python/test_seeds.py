@@ -115,12 +115,12 @@ def test_without_seeds_of_their_own_policies_follow_the_environments() -> None:
 
 def test_a_seed_that_was_drawn_can_be_read_and_repeats_the_run() -> None:
     with sp.make("terran_5_vs_5", 2, threads=1) as envs:
-        seed, first = envs.seed, played(envs)
-        assert 0 <= seed < 2**53 and envs.description["seed"] == seed
+        seed, first = envs.spec.seed, played(envs)
+        assert 0 <= seed < 2**53 and envs.spec.seed == seed
     assert battles(seed) == first == battles(seed)
     assert battles(None) != battles(None)
     lanes = sp.make("terran_5_vs_5", 4, threads=1, lanes=2)
-    assert lanes[1].seed == lanes[0].seed + 2
+    assert lanes[1].spec.seed == lanes[0].spec.seed + 2
     for lane in lanes:
         lane.close()
     drawn = sp.load_team("3m")
@@ -182,11 +182,11 @@ def test_lanes_of_a_pool_do_not_share_battles(serve: Serve) -> None:
     """Both lanes had seed 0: two learners with the same scenario had the same battles."""
     serve("a=3m:4", "b=3m:2", "--name", "numbered", "--seed", "7", "--threads", "1")
     with sp.connect("numbered", "a") as a, sp.connect("numbered", "b") as b:
-        assert (a.seed, b.seed) == (7, 11)
+        assert (a.spec.seed, b.spec.seed) == (7, 11)
     for name in ("one", "two"):
         serve("3m:1", "--name", name, "--threads", "1")
     with sp.connect("one") as one, sp.connect("two") as two:
-        assert one.seed != two.seed
+        assert one.spec.seed != two.spec.seed
 
 
 def test_programs_with_a_seed_repeat_themselves() -> None:

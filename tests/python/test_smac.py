@@ -96,13 +96,19 @@ def test_default_observations_and_state_are_the_pools(scenario: str) -> None:
         info["n_actions"],
         info["episode_limit"],
     )
-    assert sizes == (envs.n_agents, envs.obs_size, envs.state_size, envs.n_actions, envs.episode_limit)
+    assert sizes == (
+        envs.spec.n_agents,
+        envs.spec.obs_size,
+        envs.spec.state_size,
+        envs.spec.n_actions,
+        envs.spec.episode_limit,
+    )
     rng = np.random.default_rng(1)
     for _ in range(30):
         np.testing.assert_array_equal(np.stack(obs), batch.obs[0])
         np.testing.assert_array_equal(state, batch.state[0])
         np.testing.assert_array_equal(env.get_avail_actions(), batch.avail_actions[0])
-        assert state.dtype == np.float32 and all(row.shape == (envs.obs_size,) for row in obs)
+        assert state.dtype == np.float32 and all(row.shape == (envs.spec.obs_size,) for row in obs)
         actions = legal(env, rng)
         reward, ended, _ = env.step(np.array(actions))  # numpy's integers are legal
         batch = envs.step([actions])

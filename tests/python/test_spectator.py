@@ -38,12 +38,12 @@ def test_a_spectator_sees_the_newest_batch(serve: Serve) -> None:
     serve("2s3z:3", "--name", "train")
     with sp.connect("train") as envs, sp.Spectator("train") as spectator:
         assert spectator.latest() is None
-        assert spectator.description == envs.description
+        assert spectator.spec == envs.spec
         for _ in range(20):
             batch = envs.reset(seed=1) if spectator.latest() is None else envs.step(envs.sample_actions())
             seen = spectator.latest()
             assert seen is not None and seen is spectator.latest()
-            for name in envs.fields:
+            for name in envs.spec.fields:
                 np.testing.assert_array_equal(getattr(seen, name), getattr(batch, name))
             del seen, batch
         kept = spectator.latest()
@@ -53,9 +53,9 @@ def test_a_spectator_sees_the_newest_batch(serve: Serve) -> None:
 
 
 def test_a_spectator_of_an_embedded_pool_holds_at_most_two_batches() -> None:
-    with sp.make("3m", 2) as envs, sp.Spectator(envs.name) as spectator:
+    with sp.make("3m", 2) as envs, sp.Spectator(envs.spec.pool) as spectator:
         with pytest.raises(sp.errors.ConnectError, match="1 spectators"):
-            sp.Spectator(envs.name)
+            sp.Spectator(envs.spec.pool)
         held = []
         envs.reset(seed=1)
         held.append(spectator.latest())
@@ -69,7 +69,7 @@ def test_a_spectator_of_an_embedded_pool_holds_at_most_two_batches() -> None:
         envs.step(envs.sample_actions())
         assert spectator.latest() is not held[0]
     with sp.make("3m", 1, spectators=0) as envs, pytest.raises(sp.errors.ConnectError, match="0 spectators"):
-        sp.Spectator(envs.name)
+        sp.Spectator(envs.spec.pool)
 
 
 def test_a_late_spectator_gets_the_newest_batch_and_counts_what_it_misses(serve: Serve) -> None:
@@ -113,7 +113,7 @@ def is_readable(stream: IO[str]) -> bool:
 @serves_other_processes
 def test_a_forked_child_and_a_dead_pool_are_errors() -> None:
     envs = sp.make("3m", 1)
-    spectator = sp.Spectator(envs.name)
+    spectator = sp.Spectator(envs.spec.pool)
     envs.reset()
     child = os.fork()
     if child == 0:

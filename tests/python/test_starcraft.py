@@ -35,7 +35,7 @@ def test_the_bits_depend_on_no_number_of_threads_and_no_process(scenario: str, s
     serve(f"{scenario}:4", "--name", "war", "--rules", "starcraft", "--fields", ",".join(FIELDS))
     with sp.make(scenario, 4, rules="starcraft", threads=1, fields=FIELDS) as envs:
         one = play(envs, 60)
-        assert envs.rules == envs.description["rules"] == "starcraft-1"
+        assert envs.spec.rules == "starcraft-1"
     with sp.make(scenario, 4, rules="starcraft-1", threads=3, fields=FIELDS) as envs:
         assert_equal(one, play(envs, 60))
     with sp.connect("war") as attached:
@@ -77,5 +77,5 @@ def test_replays_and_runs_name_the_version_and_play_again(tmp_path: Path) -> Non
     assert json.loads((run / "run.json").read_text())["rules"] == "starcraft-1"
     team = sp.load_team(run, seed=0)
     with sp.make("3m", 4, **team.settings) as envs:
-        assert envs.rules == "starcraft-1"
+        assert envs.spec.rules == "starcraft-1"
         assert len(sp.evaluate(envs, team, episodes=4, seed=1)) == 4

@@ -177,7 +177,7 @@ def test_the_value_of_a_qmix_team_rises_with_those_of_its_agents() -> None:
         torch.manual_seed(1)
         mixer = value_decomposition.QmixMixer(envs, 32)
         values = torch.randn(20, 1, 3, requires_grad=True)
-        mixer(values, torch.randn(20, 1, envs.state_size)).sum().backward()
+        mixer(values, torch.randn(20, 1, envs.spec.state_size)).sum().backward()
     assert values.grad is not None and (values.grad >= 0).all() and (values.grad > 0).any()
 
 
@@ -244,7 +244,7 @@ def test_a_network_over_units_computes_what_that_of_the_program_does(scenario: s
         torch.nn.ModuleDict({"actor": actor, "critic": critic}).load_state_dict(weights)
         obs = some_batch(envs).obs
         with torch.no_grad():
-            logits = actor(torch.tensor(obs), torch.arange(envs.n_agents)).numpy()
+            logits = actor(torch.tensor(obs), torch.arange(envs.spec.n_agents)).numpy()
     assert np.ptp(logits) > 1 and np.allclose(logits, team.logits(obs), atol=1e-5)
 
 
@@ -263,13 +263,13 @@ def permuted(x: Any, layout: list[Any], kind: str, order: Any) -> Any:
 def test_the_order_of_units_does_not_matter_to_networks_over_units(activation: Any) -> None:
     torch.manual_seed(1)
     with sp.make("MMM", 16, threads=1, obs_last_actions=2) as envs:
-        info, batch, agents = sp.scenario(envs), some_batch(envs), torch.arange(envs.n_agents)
+        info, batch, agents = sp.scenario(envs), some_batch(envs), torch.arange(envs.spec.n_agents)
         obs, state = torch.tensor(batch.obs), torch.tensor(batch.state)
         actor = units_network.actor(envs, [8, 16], 1.0, activation)
         critic = units_network.critic(envs, [8, 16], True, activation)
     first, n = info["actions"].index("target_0"), len(info["enemies"])
     attackers = [agent for agent, unit in enumerate(info["allies"]) if not unit["healer"]]
-    order, other_order = torch.randperm(n), torch.randperm(envs.n_agents)
+    order, other_order = torch.randperm(n), torch.randperm(envs.spec.n_agents)
     with torch.no_grad():
         expected, values = actor(obs, agents), critic(state, agents)
         outputs = actor(permuted(obs, info["obs_layout"], "enemies", order), agents)

@@ -72,7 +72,7 @@ def test_the_enemies_are_a_group(scenario: str) -> None:
             each = [played[:, step][group, "action"].numpy() for group in ("agents", "enemies")]
             batch = envs.step(np.concatenate(each, axis=1))
             rewards = played[:, step]["next", "enemies", "reward"]
-            assert rewards.shape == (3, envs.n_enemies, 1)
+            assert rewards.shape == (3, envs.spec.n_enemies, 1)
             assert (rewards[..., 0].numpy() == batch.enemy_reward[:, None]).all()
     env.close()
 

@@ -156,8 +156,8 @@ def test_a_team_of_a_custom_scenario_plays_by_its_files_and_limit(tmp_path: Path
 
 def test_last_actions_are_seen_as_in_the_pool() -> None:
     with sp.make("3m", num_envs=1, obs_last_actions=3, episode_limit=None) as envs:
-        n_features = envs.obs_size - 3 * envs.n_actions
-        weight = np.random.default_rng(1).normal(size=(envs.n_actions, envs.obs_size))
+        n_features = envs.spec.obs_size - 3 * envs.spec.n_actions
+        weight = np.random.default_rng(1).normal(size=(envs.spec.n_actions, envs.spec.obs_size))
         player = Team(lambda obs: np.asarray(obs @ weight.T), 3).player(1, greedy=False)
         batch = envs.reset(seed=1)
         for _ in range(20):

@@ -29,7 +29,7 @@ def slow() -> Iterator[sp.Envs]:
 
 def test_a_timeout_does_not_cancel_the_batch(slow: sp.Envs) -> None:
     with pytest.raises(sp.errors.Timeout, match="no batch arrived within 0.01 s") as caught:
-        slow.step(np.ones((4000, slow.n_agents), np.int32), timeout=0.01)
+        slow.step(np.ones((4000, slow.spec.n_agents), np.int32), timeout=0.01)
     assert isinstance(caught.value, TimeoutError)
     assert slow.recv(timeout=100).sequence == 2
 
@@ -49,7 +49,7 @@ def test_a_signal_handlers_exception_ends_an_embedded_wait(wait: str) -> None:
         envs.reset()
         before = signal.signal(signal.SIGALRM, ring)
         try:
-            envs.send(np.ones((40_000, envs.n_agents), np.int32))
+            envs.send(np.ones((40_000, envs.spec.n_agents), np.int32))
             with pytest.raises(Alarm):
                 signal.setitimer(signal.ITIMER_REAL, 0.01)
                 envs.recv()
@@ -59,7 +59,7 @@ def test_a_signal_handlers_exception_ends_an_embedded_wait(wait: str) -> None:
 
 
 def test_other_threads_run_during_a_wait_and_their_calls_raise_busy(slow: sp.Envs) -> None:
-    waiting = threading.Thread(target=slow.step, args=(np.ones((4000, slow.n_agents), np.int32),))
+    waiting = threading.Thread(target=slow.step, args=(np.ones((4000, slow.spec.n_agents), np.int32),))
     waiting.start()
     refused = 0
     while waiting.is_alive():
@@ -93,8 +93,8 @@ import smaclite_pool as sp
 signal.signal(signal.SIGINT, signal.default_int_handler)  # SIGINT is ignored in background jobs of a script
 envs = sp.connect("train", timeout=10, wait=sys.argv[1])
 batch = envs.reset(seed=1)
-os.kill(envs.pid, signal.SIGSTOP)
-threads = Path(f"/proc/{envs.pid}/task")
+os.kill(envs.spec.pid, signal.SIGSTOP)
+threads = Path(f"/proc/{envs.spec.pid}/task")
 while any(") T " not in (thread / "stat").read_text() for thread in threads.iterdir()):
     pass  # a thread may run on for a moment
 envs.send(envs.sample_actions())
@@ -280,7 +280,7 @@ def test_a_timeout_beyond_any_clock_is_no_limit(timeout: float | None) -> None:
     """It once was a panic if the batch was late, and the environments were unusable afterwards."""
     with sp.make("MMM2", num_envs=256, threads=1, wait="block", fields=[]) as envs:
         envs.reset(timeout=timeout)
-        assert envs.step(np.ones((256, envs.n_agents), np.int32), timeout=timeout).sequence == 2
+        assert envs.step(np.ones((256, envs.spec.n_agents), np.int32), timeout=timeout).sequence == 2
 
 
 def test_other_threads_run_while_a_file_is_read(tmp_path: Path) -> None:

@@ -196,8 +196,8 @@ class AgentViews:
         """The parts of an observation."""
         if "enemies" not in self.blocks:
             raise InvalidRequest("observations must have units, but `obs_starcraft` of `smacv2` is false")
-        self.episode_limit: int | None = envs.episode_limit
-        self._is_same_step = envs.autoreset_mode == "SameStep"
+        self.episode_limit: int | None = envs.spec.episode_limit
+        self._is_same_step = envs.spec.autoreset_mode == "SameStep"
         types = {unit_type["unit_type"]: unit_type for unit_type in info["unit_types"]}
         self._by_id = {unit_type["type_id"]: unit_type for unit_type in info["unit_types"]}
         sides = (info["allies"], info["enemies"])

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._layout import Bools, FeatureBlock, Floats, feature_blocks, unwrapped
+from ._native import Envs
 from ._native import scenario as native_scenario
 from .errors import InvalidRequest
 
 if TYPE_CHECKING:
-    from . import Envs
     from ._wrapper import Wrapper
 
 
@@ -72,8 +72,9 @@ class Entities:
         blocks, state = feature_blocks(info["obs_layout"]), feature_blocks(info["state_layout"])
         self._name, self._n_agents = info["name"], len(info["allies"])
         # Environments append features that the layout does not have, such as the last actions.
-        self._obs_size: int = getattr(envs, "obs_size", _size(blocks))
-        self._state_size: int = getattr(envs, "state_size", _size(state))
+        spec = envs.spec if isinstance(envs, Envs) else None
+        self._obs_size = spec.obs_size if spec else _size(blocks)
+        self._state_size = spec.state_size if spec else _size(state)
         if "enemies" not in blocks:
             raise InvalidRequest("observations must have units, but `obs_starcraft` of `smacv2` is false")
         enemies, allies = blocks["enemies"], blocks["allies"]

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ._native import Batch, Envs, ScriptedPolicy
 from ._requirements import suggests_keywords
+from ._spec import LaneSpec
 from ._wrapper import Wrapper
 from .errors import InvalidRequest
 
@@ -101,10 +102,11 @@ def evaluate(
         IllegalAction: the policy chose an action that is not available.
     """
     _check(envs, policy, episodes)
+    spec = envs.spec
     player = _player(envs, policy, against, seed)
-    quota = np.full(envs.num_envs, episodes // envs.num_envs)
-    quota[: episodes % envs.num_envs] += 1
-    counts = np.zeros(envs.num_envs, np.int64)
+    quota = np.full(spec.num_envs, episodes // spec.num_envs)
+    quota[: episodes % spec.num_envs] += 1
+    counts = np.zeros(spec.num_envs, np.int64)
     counted: list[tuple[int, int, float, int, bool, bool]] = []
     batch = envs.reset(seed=seed)
     while True:
@@ -114,7 +116,7 @@ def evaluate(
                 won = bool(batch.battle_won[slot])
                 lost = bool(batch.terminated[slot]) and not won
                 if against is not None and won:
-                    won = bool(batch.dead_allies[slot] < envs.n_agents)
+                    won = bool(batch.dead_allies[slot] < spec.n_agents)
                 result = (batch.episode_return[slot], batch.episode_length[slot], won, lost)
                 counted.append((env, int(counts[env]), *result))
             counts[env] += 1
@@ -134,23 +136,23 @@ def evaluate(
 def _check(envs: Any, policy: Any, episodes: int) -> None:
     if isinstance(policy, (Envs, Wrapper)):
         raise TypeError(f"the environments come first: evaluate(envs, policy, episodes), got {envs!r}")
-    if not hasattr(envs, "autoreset_mode"):
+    if not isinstance(getattr(envs, "spec", None), LaneSpec):
         raise TypeError(f"envs must be environments or a wrapper of them, got {type(envs).__name__}")
     if isinstance(episodes, bool) or not isinstance(episodes, (int, np.integer)):
         raise TypeError(f"episodes must be an integer, got {type(episodes).__name__}")
     if episodes < 1:
         raise InvalidRequest(f"episodes must be at least 1, got {episodes}")
-    if envs.autoreset_mode == "Disabled":
+    if envs.spec.autoreset_mode == "Disabled":
         raise InvalidRequest('evaluate needs autoreset_mode="NextStep" or "SameStep", got "Disabled"')
 
 
 def _player(envs: Envs | Wrapper, policy: Any, against: Any, seed: int | None) -> Policy:
     """A function from a batch to joint actions."""
-    plays_both = envs.sides == "both"
+    plays_both = envs.spec.sides == "both"
     if against is None:
         agents = _as_policy(envs, "policy", policy, "allies", seed)
         return _for_both_sides(envs, agents) if plays_both else agents
-    if not plays_both or set(envs.opponents) != {"learner"}:
+    if not plays_both or set(envs.spec.opponents) != {"learner"}:
         raise InvalidRequest(
             "against needs environments whose actions play both sides in all episodes: "
             'make(..., sides="both")'
@@ -188,12 +190,14 @@ def _as_policy(
 def _for_both_sides(envs: Envs | Wrapper, policy: Policy) -> Policy:
     """A policy of all units, which may not be one of the agents alone."""
 
+    spec = envs.spec
+
     def checked(batch: Batch) -> ArrayLike:
         actions = policy(batch)
-        if np.shape(actions)[1:] == (envs.n_agents,) != (envs.n_actors,):
+        if np.shape(actions)[1:] == (spec.n_agents,) != (spec.n_actors,):
             raise InvalidRequest(
                 "the actions of these environments play both sides, and policy chose those of the agents "
-                f"alone: pass the policy of the enemies as against=, or make it return [M, {envs.n_actors}]"
+                f"alone: pass the policy of the enemies as against=, or make it return [M, {spec.n_actors}]"
             )
         return actions
 

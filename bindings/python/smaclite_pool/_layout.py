@@ -129,16 +129,17 @@ def field_bounds(envs: Envs) -> dict[str, Bounds]:
     Most features are between -1 and 1. Those of SMACv2's interface that can be beyond are the position of an
     agent on or near the map, distances if all units are shown, and health below a level of health.
     """
+    spec = envs.spec
     info = scenario(envs)
-    state = layout_bounds(info["state_layout"], envs.state_size)
+    state = layout_bounds(info["state_layout"], spec.state_size)
     # Enemies see what agents do without SMACv2: positions alone can be beyond, those of both sides by
     # as much.
     farthest = max(np.abs(bound).max(initial=1.0) for bound in state)
-    of_enemies = np.full(envs.enemy_state_size, farthest, np.float32)
+    of_enemies = np.full(spec.enemy_state_size, farthest, np.float32)
     return {
-        "obs": layout_bounds(info["obs_layout"], envs.obs_size),
+        "obs": layout_bounds(info["obs_layout"], spec.obs_size),
         "state": state,
-        "enemy_obs": layout_bounds([], envs.enemy_obs_size),
+        "enemy_obs": layout_bounds([], spec.enemy_obs_size),
         "enemy_state": (-of_enemies, of_enemies),
     }
 

@@ -167,10 +167,10 @@ class LaneViewer:
     ) -> None:
         check_render_mode(mode)
         self._mode = mode
-        self._window = Window(f"smaclite_pool: {envs.scenario}", speed)
+        self._window = Window(f"smaclite_pool: {envs.spec.scenario}", speed)
         self._batch: Batch | None = None
         if mode is not None:
-            if "state" not in envs.fields:
+            if "state" not in envs.spec.fields:
                 raise InvalidRequest("pictures are drawn from the field `state`, which this lane omits")
             self._renderer = renderer or Renderer(envs, *self.picture_size)
 

@@ -41,13 +41,14 @@ def require_synchronous(envs: Envs | Wrapper, user: str, autoreset: str | None =
 
     Raises InvalidRequest.
     """
-    if envs.batch_size != envs.num_envs:
+    spec = envs.spec
+    if spec.batch_size != spec.num_envs:
         raise InvalidRequest(
-            f"{user} needs batches of all environments: batch_size must be num_envs={envs.num_envs}, "
-            f"got {envs.batch_size}, which is asynchronous (`serve` without --batch-size)"
+            f"{user} needs batches of all environments: batch_size must be num_envs={spec.num_envs}, "
+            f"got {spec.batch_size}, which is asynchronous (`serve` without --batch-size)"
         )
-    if autoreset is not None and envs.autoreset_mode != autoreset:
+    if autoreset is not None and spec.autoreset_mode != autoreset:
         raise InvalidRequest(
             f"{user} needs another autoreset mode: autoreset_mode must be {autoreset!r}, "
-            f"got {envs.autoreset_mode!r} (`serve` with --autoreset-mode {autoreset})"
+            f"got {spec.autoreset_mode!r} (`serve` with --autoreset-mode {autoreset})"
         )

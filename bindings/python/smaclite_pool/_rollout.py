@@ -50,7 +50,7 @@ class Rollout:
         require_synchronous(envs, "a rollout")
         if steps < 1:
             raise InvalidRequest(f"steps must be at least 1, got {steps}")
-        known = {**envs.fields}
+        known = {**envs.spec.fields}
         names = list(dict.fromkeys([*(known if fields is None else fields), "was_reset"]))
         for name in names:
             if name not in known:

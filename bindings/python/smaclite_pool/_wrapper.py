@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from . import Batch, Envs
+    from ._spec import LaneSpec
 
 Self = TypeVar("Self", bound="Wrapper")
 
@@ -20,7 +21,8 @@ class Wrapper:
     """Environments that behave as others, except for what a subclass changes.
 
     A subclass overrides `change_batch`, `change_actions`, or both; all methods that return batches or take
-    actions use them. Everything else is that of `envs`, which can be a wrapper too.
+    actions use them. If batches or actions have other sizes then, it overrides `change_spec`, too. Everything
+    else is that of `envs`, which can be a wrapper too.
 
         class Scaled(smaclite_pool.extras.Wrapper):
             def change_batch(self, batch):
@@ -42,6 +44,10 @@ class Wrapper:
     def change_actions(self, actions: ArrayLike) -> ArrayLike:
         """Return the actions that the environments get."""
         return actions
+
+    def change_spec(self, spec: LaneSpec) -> LaneSpec:
+        """Return the spec that the learner gets; `dataclasses.replace` changes attributes."""
+        return spec
 
     def reset(
         self,
@@ -82,6 +88,11 @@ class Wrapper:
         """As `Envs.fork`."""
         forked = self.envs.fork(env_id_from, env_id_to, seed=seed, timeout=timeout)
         return self.change_batch(forked)
+
+    @property
+    def spec(self) -> LaneSpec:
+        """As `Envs.spec`."""
+        return self.change_spec(self.envs.spec)
 
     @property
     def unwrapped(self) -> Envs:

@@ -1,4 +1,4 @@
-"""Types of the dicts that `scenario`, `status` and `description` return, for type checkers and for reading.
+"""Types of the dicts that `scenario` and `status` return, for type checkers and for reading.
 
 ```python
 import smaclite_pool as sp
@@ -149,7 +149,7 @@ class EnemySizes(TypedDict):
 
 
 class RewardOptions(TypedDict):
-    """What both sides of a battle are rewarded for, with SMAC's names: `Envs.rewards`."""
+    """What both sides of a battle are rewarded for, with SMAC's names: `Envs.spec.rewards`."""
 
     reward_sparse: bool
     """Rewards are 1, -1 or 0, at the end."""
@@ -170,7 +170,7 @@ class RewardOptions(TypedDict):
 
 
 class LaneDescription(TypedDict):
-    """What never changes about a lane: `Envs.description`."""
+    """What never changes about a lane, as `status` says it: what `Envs.spec` has, and more."""
 
     pool: str
     pid: int

@@ -73,8 +73,8 @@ class Proposals:
         self.policy = sp.ScriptedPolicy(policy, envs, seed=seed)
 
     def __call__(self, batch: sp.Batch) -> Actions:
-        share = self.rng.random((self.envs.num_envs, 1))  # of the agents that do something random
-        is_random = self.rng.random((self.envs.num_envs, self.envs.n_agents)) < share
+        share = self.rng.random((self.envs.spec.num_envs, 1))  # of the agents that do something random
+        is_random = self.rng.random((self.envs.spec.num_envs, self.envs.spec.n_agents)) < share
         return np.where(is_random, self.envs.sample_actions(), self.policy(batch)).astype(np.int32)
 
 
@@ -97,7 +97,8 @@ def one_beam(
     envs: sp.Envs, score: Score, propose: Proposals, options: argparse.Namespace
 ) -> tuple[Plan, int]:
     """The best episode of one beam, and the number of steps."""
-    all_envs = np.arange(envs.num_envs)
+    spec = envs.spec
+    all_envs = np.arange(spec.num_envs)
     envs.reset(seed=options.seed)
     batch = envs.fork(np.zeros_like(all_envs), all_envs)
     parents = all_envs
@@ -113,8 +114,8 @@ def one_beam(
             plan = Plan(path(history, slot), float(batch.episode_return[slot]), bool(batch.battle_won[slot]))
             best = plan if plan.is_better_than(best) else best
         if over.all():
-            return best, len(history) * envs.num_envs
-        parents = np.resize(most_promising(scores, ~over, options.width), envs.num_envs)
+            return best, len(history) * spec.num_envs
+        parents = np.resize(most_promising(scores, ~over, options.width), spec.num_envs)
         batch = envs.fork(parents, all_envs)
 
 
@@ -167,7 +168,7 @@ def tree_search(envs: sp.Envs, score: Score, options: argparse.Namespace) -> Pla
     batch = envs.reset(seed=options.seed)
     root = Node(batch.snapshot[0].copy())
     plan = Plan([])
-    rounds = max(1, options.steps // (USUAL_LENGTH * envs.num_envs * (options.depth + 1)))
+    rounds = max(1, options.steps // (USUAL_LENGTH * envs.spec.num_envs * (options.depth + 1)))
     while not root.over:
         for _ in range(rounds):
             grow(envs, propose, root, score, options.depth)
@@ -179,7 +180,7 @@ def tree_search(envs: sp.Envs, score: Score, options: argparse.Namespace) -> Pla
 
 def grow(envs: sp.Envs, propose: Proposals, root: Node, score: Score, depth: int) -> None:
     """Adds a node per environment to the tree, and values all of them at once."""
-    paths = [descend(root) for _ in range(envs.num_envs)]
+    paths = [descend(root) for _ in range(envs.spec.num_envs)]
     batch = envs.reset(snapshots=np.stack([path[-1].snapshot for path in paths]))
     actions = propose(batch)
     batch = envs.step(actions)

@@ -157,12 +157,13 @@ class Mlp(nn.ModuleList):
 
 def networks(envs: sp.Envs, options: Options, sees_state: bool) -> tuple[Any, Any]:
     """Actor and critic. The small gain makes the first policy almost uniform, so that it explores."""
+    spec = envs.spec
     hidden, activation = [int(width) for width in options.hidden.split(",")], options.activation
     if options.network == "units":
         f = ACTIVATIONS[activation]
         return units_network.actor(envs, hidden, 0.01, f), units_network.critic(envs, hidden, sees_state, f)
-    actor = Mlp([envs.obs_size, *hidden, envs.n_actions], envs.n_agents, 0.01, activation)
-    seen, of_agents = (envs.state_size, 0) if sees_state else (envs.obs_size, envs.n_agents)
+    actor = Mlp([spec.obs_size, *hidden, spec.n_actions], spec.n_agents, 0.01, activation)
+    seen, of_agents = (spec.state_size, 0) if sees_state else (spec.obs_size, spec.n_agents)
     return actor, Mlp([seen, *hidden, 1], of_agents, 1.0, activation)
 
 
@@ -257,7 +258,7 @@ class Learner:
         options = with_defaults(options)
         self.envs, self.options, self.device = envs, options, torch.device(options.device)
         self.sees_state = options.algorithm == "mappo"
-        n_agents = envs.n_agents
+        n_agents = envs.spec.n_agents
         self.n_values = 1 if self.sees_state else n_agents
         self.actor, self.critic = networks(envs, options, self.sees_state)
         self.team = nn.ModuleDict({"actor": self.actor, "critic": self.critic}).to(self.device)
@@ -314,7 +315,7 @@ class Learner:
         for _ in range(options.epochs):
             # Samples are shuffled and not rows, because the rows of one lie side by side in memory.
             samples = data.samples[torch.randperm(len(data.samples), device=self.device)]
-            policy_rows = rows_of(samples, self.envs.n_agents)
+            policy_rows = rows_of(samples, self.envs.spec.n_agents)
             policy_rows = policy_rows[data.has_choice[policy_rows]]
             for rows in policy_rows.tensor_split(options.minibatches):
                 self.improve_actor(data, rows, entropy_weight, stats)
@@ -349,7 +350,7 @@ class Learner:
         old_values = (values[:-1] - self.returns.mean) / self.returns.deviation
         targets = (targets - self.returns.mean) / self.returns.deviation
         # If there is one value per environment, the agents share its advantage.
-        advantages = advantages.expand(-1, -1, self.envs.n_agents)
+        advantages = advantages.expand(-1, -1, self.envs.spec.n_agents)
         learnt = advantages[has_choice & is_learnt.unsqueeze(-1)]
         scale = max(learnt.std().item(), self.options.advantage_floor * self.returns.deviation) + 1e-8
         return Rows(
@@ -374,7 +375,7 @@ class Learner:
         leaving the clip range, but returning to it is."""
         # `index_select(0, rows)` takes a fifth of the time of `[rows]`.
         obs, available = data.obs.index_select(0, rows), data.available.index_select(0, rows)
-        log_probs = log_probabilities(self.actor, obs, available, rows % self.envs.n_agents)
+        log_probs = log_probabilities(self.actor, obs, available, rows % self.envs.spec.n_agents)
         log_prob = log_probs.gather(-1, data.actions[rows].unsqueeze(-1)).squeeze(-1)
         log_ratio = log_prob - data.log_probs[rows]
         ratio, advantage, clip = log_ratio.exp(), data.advantages[rows], self.options.clip

@@ -24,6 +24,7 @@ def arguments() -> argparse.Namespace:
 
 
 def play(envs: sp.Envs, seconds: float, seed: int) -> None:
+    spec = envs.spec
     envs.seed_sampler(seed)
     returns: list[float] = []
     wins = steps = 0
@@ -38,7 +39,7 @@ def play(envs: sp.Envs, seconds: float, seed: int) -> None:
             returns += batch.episode_return[ended].tolist()
             wins += int(batch.battle_won[ended].sum())
     elapsed = time.perf_counter() - begin
-    print(f"{envs.scenario}: {envs.num_envs} environments, {envs.n_agents} agents against {envs.n_enemies}")
+    print(f"{spec.scenario}: {spec.num_envs} environments, {spec.n_agents} agents against {spec.n_enemies}")
     print(f"  {steps / elapsed:,.0f} steps/s ({steps:,} steps of single environments in {elapsed:.1f} s)")
     if returns:
         won = 100 * wins / len(returns)

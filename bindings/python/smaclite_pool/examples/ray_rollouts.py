@@ -41,8 +41,8 @@ class Rollout:
         self.batch = self.lane.envs.reset(seed=self.lane.seed)
 
     def sizes(self) -> dict[str, int]:
-        envs = self.lane.envs
-        return {name: getattr(envs, name) for name in ("obs_size", "state_size", "n_actions")}
+        spec = self.lane.envs.spec
+        return {"obs_size": spec.obs_size, "state_size": spec.state_size, "n_actions": spec.n_actions}
 
     def collect(self, weights: Arrays) -> Arrays:
         """`steps` steps of every environment, [steps * num_envs, ...]; again if the pool dies meanwhile."""

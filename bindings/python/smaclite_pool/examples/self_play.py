@@ -16,6 +16,7 @@ Axes of arrays: N environments of one side each, A units of a side.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -23,6 +24,7 @@ import numpy as np
 import smaclite_pool as sp
 from numpy.typing import ArrayLike, NDArray
 from smaclite_pool.examples import ppo
+from smaclite_pool.extras import LaneSpec
 
 PAIRS = {"obs": "enemy_obs", "state": "enemy_state", "avail_actions": "enemy_avail_actions"}
 """The fields that a side has for itself, and those of the enemies."""
@@ -36,19 +38,23 @@ class Sides(sp.extras.Wrapper):
 
     def __init__(self, envs: sp.Envs) -> None:
         super().__init__(envs)
-        own, other = ([envs.fields[name][1][1:] for name in names] for names in (PAIRS, PAIRS.values()))
+        spec = envs.spec
+        own, other = ([spec.fields[name][1][1:] for name in names] for names in (PAIRS, PAIRS.values()))
         if own != other:
             raise SystemExit(
-                f"self_play: {envs.scenario} is not symmetric: agents have {own}, enemies {other}"
+                f"self_play: {spec.scenario} is not symmetric: agents have {own}, enemies {other}"
             )
-        self.num_envs = self.batch_size = 2 * envs.num_envs
-        self.fields = {name: (dtype, (self.num_envs, *n[1:])) for name, (dtype, n) in envs.fields.items()}
-        self.enemy_return: NDArray[np.float32] = np.zeros(envs.num_envs, np.float32)
+        self.enemy_return: NDArray[np.float32] = np.zeros(spec.num_envs, np.float32)
+
+    def change_spec(self, spec: LaneSpec) -> LaneSpec:
+        n = 2 * spec.num_envs
+        fields = {name: (dtype, (n, *shape[1:])) for name, (dtype, shape) in spec.fields.items()}
+        return replace(spec, num_envs=n, batch_size=n, fields=fields)
 
     def change_batch(self, batch: Any) -> Any:
         goes_on = ~batch.was_reset
         self.enemy_return = goes_on * (self.enemy_return + batch.enemy_reward)
-        enemies_won = batch.terminated & (batch.dead_allies == self.n_agents)
+        enemies_won = batch.terminated & (batch.dead_allies == self.spec.n_agents)
         pairs = {own: (getattr(batch, own), getattr(batch, other)) for own, other in PAIRS.items()}
         pairs |= {name: (getattr(batch, name), getattr(batch, name)) for name in SHARED}
         pairs["reward"] = (batch.reward, batch.enemy_reward)

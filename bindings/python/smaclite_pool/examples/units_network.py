@@ -257,14 +257,14 @@ class UnitsNetwork(nn.Module):
 def actor(envs: sp.Envs, widths: list[int], gain: float, activation: Activation) -> UnitsNetwork:
     """From an agent's observation to a number per action."""
     scenario = sp.scenario(envs)
-    columns = columns_by_kind(scenario["obs_layout"], envs.obs_size)
+    columns = columns_by_kind(scenario["obs_layout"], envs.spec.obs_size)
     return UnitsNetwork(columns, widths, gain, activation, Targets(scenario))
 
 
 def critic(envs: sp.Envs, widths: list[int], sees_state: bool, activation: Activation) -> UnitsNetwork:
     """From the state, or an agent's observation, to a value."""
     scenario = sp.scenario(envs)
-    layout, size = scenario["obs_layout"], envs.obs_size
+    layout, size = scenario["obs_layout"], envs.spec.obs_size
     if sees_state:
-        layout, size = scenario["state_layout"], envs.state_size
+        layout, size = scenario["state_layout"], envs.spec.state_size
     return UnitsNetwork(columns_by_kind(layout, size), widths, 1.0, activation)

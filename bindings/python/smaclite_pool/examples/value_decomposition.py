@@ -91,9 +91,9 @@ class AgentNetwork(nn.Module):
 
     def __init__(self, envs: sp.Envs, hidden: int) -> None:
         super().__init__()
-        self.first = nn.Linear(envs.obs_size, hidden)
+        self.first = nn.Linear(envs.spec.obs_size, hidden)
         self.memory = nn.GRU(hidden, hidden)
-        self.values = nn.Linear(hidden, envs.n_actions)
+        self.values = nn.Linear(hidden, envs.spec.n_actions)
 
     def forward(self, obs: Tensor, memory: Tensor | None = None) -> tuple[Tensor, Tensor]:
         """Of obs [T, B, A, size]: values [T, B, A, n_actions], and the memory after the last step, [1, B * A,
@@ -137,11 +137,12 @@ class QmixMixer(nn.Module):
     made positive, so that its output rises with each of its inputs."""
 
     def __init__(self, envs: sp.Envs, width: int) -> None:
+        spec = envs.spec
         super().__init__()
-        self.weight_1 = nn.Linear(envs.state_size, envs.n_agents * width)
-        self.bias_1 = nn.Linear(envs.state_size, width)
-        self.weight_2 = nn.Linear(envs.state_size, width)
-        self.bias_2 = nn.Sequential(nn.Linear(envs.state_size, width), nn.ReLU(), nn.Linear(width, 1))
+        self.weight_1 = nn.Linear(spec.state_size, spec.n_agents * width)
+        self.bias_1 = nn.Linear(spec.state_size, width)
+        self.weight_2 = nn.Linear(spec.state_size, width)
+        self.bias_2 = nn.Sequential(nn.Linear(spec.state_size, width), nn.ReLU(), nn.Linear(width, 1))
 
     def forward(self, values: Tensor, state: Tensor) -> Tensor:
         """Of values [T, B, A] and state [T, B, size]: [T, B, 1]."""
@@ -159,21 +160,22 @@ class Replay:
     """
 
     def __init__(self, envs: sp.Envs, capacity: int, seed: int) -> None:
-        n_agents, n_actions = envs.n_agents, envs.n_actions
-        limit = envs.episode_limit
+        spec = envs.spec
+        n_agents, n_actions = spec.n_agents, spec.n_actions
+        limit = spec.episode_limit
         if limit is None:
             raise SystemExit("value_decomposition: the scenario has no episode limit; it needs one")
-        axes = (capacity + envs.num_envs, limit + 1)
-        self.obs = np.zeros((*axes, n_agents, envs.obs_size), np.float32)
-        self.state = np.zeros((*axes, envs.state_size), np.float32)
+        axes = (capacity + spec.num_envs, limit + 1)
+        self.obs = np.zeros((*axes, n_agents, spec.obs_size), np.float32)
+        self.state = np.zeros((*axes, spec.state_size), np.float32)
         self.available = np.zeros((*axes, n_agents, n_actions), np.bool_)
         self.actions = np.zeros((*axes, n_agents), np.int64)
         self.reward = np.zeros(axes, np.float32)
         self.terminated = np.zeros(axes, np.bool_)
         self.lengths = np.zeros(len(self.obs), np.int64)
         self.complete: deque[int] = deque(maxlen=capacity)  # places, the oldest episode first
-        self.places = np.arange(envs.num_envs)  # of the current episodes
-        self.free = list(range(envs.num_envs, len(self.obs)))
+        self.places = np.arange(spec.num_envs)  # of the current episodes
+        self.free = list(range(spec.num_envs, len(self.obs)))
         self.random = np.random.default_rng(seed)
 
     def store(self, before: sp.Batch, actions: NDArray[np.int32], after: sp.Batch) -> None:
@@ -282,13 +284,13 @@ class Player:
 
     def __init__(self, envs: sp.Envs, learner: Learner) -> None:
         self.envs, self.network, self.device = envs, learner.agent, learner.device
-        rows, hidden = envs.num_envs * envs.n_agents, learner.options.hidden
+        rows, hidden = envs.spec.num_envs * envs.spec.n_agents, learner.options.hidden
         self.memory = torch.zeros(1, rows, hidden, device=self.device)
 
     def act(self, batch: sp.Batch, epsilon: float) -> NDArray[np.int32]:
         """[N, A]: the best available actions, and random ones with a probability of epsilon."""
         is_first = torch.tensor(batch.was_reset, device=self.device)
-        self.memory[:, is_first.repeat_interleave(self.envs.n_agents)] = 0.0
+        self.memory[:, is_first.repeat_interleave(self.envs.spec.n_agents)] = 0.0
         obs = torch.tensor(batch.obs, device=self.device).unsqueeze(0)
         with torch.no_grad():
             values, self.memory = self.network(obs, self.memory)

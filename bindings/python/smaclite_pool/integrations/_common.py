@@ -33,7 +33,7 @@ OUTCOME_FIELDS = ("battle_won", "dead_allies", "dead_enemies")
 """Fields of a batch in the info of a single battle."""
 
 INFO_FIELDS = (*OUTCOME_FIELDS, "episode_return", "episode_length")
-"""Fields of a batch in the infos of vector environments. `Envs.fields` has their dtypes."""
+"""Fields of a batch in the infos of vector environments. `Envs.spec.fields` has their dtypes."""
 
 
 ENEMY_FIELDS = ("enemy_obs", "enemy_avail_actions", "enemy_reward")
@@ -48,7 +48,7 @@ SINGLE_BATTLE_FIELDS = (*OBSERVATION_KEYS.values(), *INFO_FIELDS, *ENEMY_FIELDS,
 
 def check_one_side(envs: Envs) -> Envs:
     """The environments, if a script plays their enemies. Raises InvalidRequest if actions play them, too."""
-    if envs.sides == "both":
+    if envs.spec.sides == "both":
         raise InvalidRequest(
             "sides must be 'allies' here, got 'both'; smaclite_pool.make and PettingZoo's "
             "environment play both sides"
@@ -244,12 +244,15 @@ class SingleBattle:
         fields = [*SINGLE_BATTLE_FIELDS, *(SHARE_FIELDS if shares else ())]
         # Frameworks run many of these per machine, where a thread that spins takes CPU time from the others.
         defaults = {"threads": 1, "wait": "block", "max_held_batches": 2}
-        self.envs = make(scenario, 1, autoreset_mode="Disabled", fields=fields, **{**defaults, **settings})
+        self.envs: Envs = make(
+            scenario, 1, autoreset_mode="Disabled", fields=fields, **{**defaults, **settings}
+        )
         if not both_sides:
             check_one_side(self.envs)
-        self.agents = [f"agent_{agent}" for agent in range(self.envs.n_agents)]
-        if self.envs.sides == "both":
-            self.agents += [f"enemy_{enemy}" for enemy in range(self.envs.n_enemies)]
+        spec = self.envs.spec
+        self.agents = [f"agent_{agent}" for agent in range(spec.n_agents)]
+        if spec.sides == "both":
+            self.agents += [f"enemy_{enemy}" for enemy in range(spec.n_enemies)]
         self._next_seed: int | None = None
         self._last: TimeStep | None = None
 
@@ -312,22 +315,22 @@ class SingleBattle:
     @property
     def sizes(self) -> dict[str, tuple[int, int]]:
         """`obs_size` and `n_actions` by name."""
-        envs = self.envs
-        own = dict.fromkeys(self.agents[: envs.n_agents], (envs.obs_size, envs.n_actions))
-        sizes = (envs.enemy_obs_size, envs.n_enemy_actions)
-        return own | dict.fromkeys(self.agents[envs.n_agents :], sizes)
+        spec = self.envs.spec
+        own = dict.fromkeys(self.agents[: spec.n_agents], (spec.obs_size, spec.n_actions))
+        sizes = (spec.enemy_obs_size, spec.n_enemy_actions)
+        return own | dict.fromkeys(self.agents[spec.n_agents :], sizes)
 
     @property
     def obs_bounds(self) -> dict[str, Bounds]:
         """The least and the greatest values of observations by name."""
-        bounds, n_agents = field_bounds(self.envs), self.envs.n_agents
+        bounds, n_agents = field_bounds(self.envs), self.envs.spec.n_agents
         own = dict.fromkeys(self.agents[:n_agents], bounds["obs"])
         return own | dict.fromkeys(self.agents[n_agents:], bounds["enemy_obs"])
 
     def description(self, of: object) -> str:
         """The `repr` of the environment `of`, which plays this battle."""
-        envs = self.envs
-        return f"<{type(of).__name__} {envs.scenario}, {len(self.agents)} agents, seed {envs.seed}>"
+        spec = self.envs.spec
+        return f"<{type(of).__name__} {spec.scenario}, {len(self.agents)} agents, seed {spec.seed}>"
 
     def close(self) -> None:
         """End the pool. Calling it again has no effect."""

@@ -90,7 +90,7 @@ class AvailableMultiDiscrete(_SamplesAvailable, spaces.MultiDiscrete):
     """Joint actions of one battle, [n_agents]; `sample()` by default draws available ones."""
 
     def __init__(self, envs: Envs) -> None:
-        super().__init__([envs.n_actions] * envs.n_agents)
+        super().__init__([envs.spec.n_actions] * envs.spec.n_agents)
         self._envs = envs
 
     def sample(self, mask: Any = None, probability: Any = None) -> NDArray[Any]:
@@ -129,7 +129,7 @@ def single_observation_space(envs: Envs) -> spaces.Dict:
     but for those that can be beyond, and `action_mask` int8 [n_agents, n_actions]; if actions play both
     sides, then `enemy_obs`, `enemy_state` and `enemy_action_mask` too.
     """
-    fields = {name: (dtype, shape[1:]) for name, (dtype, shape) in envs.fields.items()}
+    fields = {name: (dtype, shape[1:]) for name, (dtype, shape) in envs.spec.fields.items()}
     return observation_space(fields, field_bounds(envs))
 
 
@@ -161,14 +161,15 @@ def bounded_box(bounds: Bounds | None, shape: tuple[int, ...]) -> spaces.Box:
 
 def batched_observation_space(envs: Envs) -> spaces.Dict:
     """The observations of all environments: Gymnasium's `batch_space` of the single space."""
-    batched = batch_space(single_observation_space(envs), envs.num_envs)
+    batched = batch_space(single_observation_space(envs), envs.spec.num_envs)
     assert isinstance(batched, spaces.Dict)
     return batched
 
 
 def single_action_space(envs: Envs) -> spaces.MultiDiscrete:
     """`MultiDiscrete([n_actions] * n_agents)`, and the same of the enemies if actions play both sides."""
-    return action_space(envs.n_agents, envs.n_actions, envs.n_actors - envs.n_agents, envs.n_enemy_actions)
+    spec = envs.spec
+    return action_space(spec.n_agents, spec.n_actions, spec.n_actors - spec.n_agents, spec.n_enemy_actions)
 
 
 def action_space(
@@ -180,6 +181,6 @@ def action_space(
 
 def batched_action_space(envs: Envs) -> AvailableBox:
     """The actions of all environments; equal to Gymnasium's `batch_space` of the single space."""
-    batched = batch_space(single_action_space(envs), envs.num_envs)
+    batched = batch_space(single_action_space(envs), envs.spec.num_envs)
     assert isinstance(batched, spaces.Box)
     return AvailableBox(envs, batched)

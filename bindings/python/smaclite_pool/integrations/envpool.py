@@ -104,11 +104,15 @@ class EnvPool:
     """
 
     def __init__(self, envs: Envs, config: dict[str, Any] | None = None, *, copy: bool = True) -> None:
+        spec = envs.spec
         self._envs, self._copy = envs, copy
-        self._fields = envs.fields
-        self.config: dict[str, Any] = config or {"num_envs": envs.num_envs, "batch_size": envs.batch_size}
-        self.num_envs: int = envs.num_envs
-        self.all_env_ids: NDArray[np.int32] = np.arange(envs.num_envs, dtype=np.int32)
+        self._fields = spec.fields
+        self.config: dict[str, Any] = config or {
+            "num_envs": spec.num_envs,
+            "batch_size": spec.batch_size,
+        }
+        self.num_envs: int = spec.num_envs
+        self.all_env_ids: NDArray[np.int32] = np.arange(spec.num_envs, dtype=np.int32)
 
     @property
     def spec(self) -> EnvSpec:
@@ -122,7 +126,7 @@ class EnvPool:
                 dtype, shape = self._fields[name]
                 received[key] = ArraySpec(dtype, shape[1:])
         int32 = np.dtype(np.int32)
-        sent = {"env_id": ArraySpec(int32, ()), "action": ArraySpec(int32, (self._envs.n_actors,))}
+        sent = {"env_id": ArraySpec(int32, ()), "action": ArraySpec(int32, (self._envs.spec.n_actors,))}
         return EnvSpec(self.config, received, sent, self._envs)
 
     @property
@@ -138,7 +142,7 @@ class EnvPool:
     @property
     def is_async(self) -> bool:
         """Whether a batch contains fewer environments than `num_envs`."""
-        return self._envs.batch_size != self._envs.num_envs
+        return self._envs.spec.batch_size != self._envs.spec.num_envs
 
     def __len__(self) -> int:
         return self.num_envs
@@ -279,11 +283,11 @@ def make(
     config = {
         "task_id": str(task_id),
         "num_envs": num_envs,
-        "batch_size": envs.batch_size,
+        "batch_size": envs.spec.batch_size,
         "num_threads": num_threads,
         "max_num_players": 1,
         "seed": seed,
-        "max_episode_steps": envs.episode_limit,
+        "max_episode_steps": envs.spec.episode_limit,
         "thread_affinity_offset": thread_affinity_offset,
         **settings,
     }

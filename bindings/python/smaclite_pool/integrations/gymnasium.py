@@ -131,14 +131,15 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
         render_speed: float | None = 1.0,
         renderer: Renderer | None = None,
     ) -> None:
+        spec = envs.spec
         self.closed = True  # if this fails, the caller still owns the lane
         check_one_side(envs)
         require_synchronous(envs, "a VectorEnv")
         self._envs, self._copy = envs, copy
         self._stops = stops(illegal_actions)
         self._last: Batch | None = None  # only with "stop" or snapshots
-        self.num_envs = envs.num_envs
-        self.autoreset_mode = AutoresetMode(envs.autoreset_mode)
+        self.num_envs = spec.num_envs
+        self.autoreset_mode = AutoresetMode(spec.autoreset_mode)
         self.metadata = {
             "render_modes": list(RENDER_MODES),
             "render_fps": RENDER_FPS,
@@ -150,7 +151,7 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
         self.single_action_space = single_action_space(envs)
         self.observation_space = batched_observation_space(envs)
         self.action_space = batched_action_space(envs)
-        fields = envs.fields
+        fields = spec.fields
         self._keys = {key: field for key, field in OBSERVATION_KEYS.items() if field in fields}
         self._info_fields = [name for name in INFO_FIELDS if name in fields]
         self.closed = False
@@ -203,7 +204,7 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
         batch = self._envs.step(actions)
         self._keep(batch)
         infos = self._infos(batch, np.ones(self.num_envs, np.bool_))
-        if self._envs.autoreset_mode == "SameStep":
+        if self._envs.spec.autoreset_mode == "SameStep":
             self._add_final(infos, batch)
         terminated, truncated = batch.terminated.copy(), batch.truncated.copy()
         return self._observations(batch, ""), batch.reward.astype(np.float64), terminated, truncated, infos
@@ -214,7 +215,7 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
         Gymnasium's wrappers do not hand the method on: call `envs.unwrapped.save()` on a wrapped environment.
         Raises InvalidRequest before the first reset, or if the lane has no field `snapshot`.
         """
-        if "snapshot" not in self._envs.fields:
+        if "snapshot" not in self._envs.spec.fields:
             raise InvalidRequest("the lane has no snapshots: name the field `snapshot` among `fields`")
         if self._last is None:
             raise InvalidRequest("no battle has begun; call reset first")
@@ -375,7 +376,7 @@ class BattleEnv(CopiedByArguments, gymnasium.Env[Any, Any]):
         self.render_mode = render_mode
         self._viewer = BattleViewer(name, *self.picture_size, render_mode, render_speed)
         self._battle = SingleBattle(name, {"seed": seed, "episode_limit": episode_limit, **settings})
-        self._np_random, self._np_random_seed = seeding.np_random(self._battle.envs.seed)
+        self._np_random, self._np_random_seed = seeding.np_random(self._battle.envs.spec.seed)
         self.observation_space, self.action_space = self._spaces(name, self._battle.envs)
 
     def _spaces(self, scenario: Scenario, envs: Envs) -> tuple[spaces.Space[Any], spaces.Space[Any]]:

@@ -116,7 +116,7 @@ class parallel_env(CopiedByArguments, ParallelEnv[str, Observation, np.int64]):
         self._battle = SingleBattle(scenario, settings, both_sides=True, shares=own_rewards)
         envs = self._battle.envs
         self.metadata = {
-            "name": f"smaclite_pool_{envs.scenario}",
+            "name": f"smaclite_pool_{envs.spec.scenario}",
             "render_modes": list(RENDER_MODES),
             "render_fps": RENDER_FPS,
             "is_parallelizable": True,
@@ -127,7 +127,7 @@ class parallel_env(CopiedByArguments, ParallelEnv[str, Observation, np.int64]):
         space = _observation_box if self._is_plain else _observation_space
         self.observation_spaces = {agent: space(bounds[agent], n) for agent, (_, n) in sizes.items()}
         self.action_spaces = {agent: AvailableDiscrete(n) for agent, (_, n) in sizes.items()}
-        self.state_space = bounded_box(field_bounds(envs)["state"], (envs.state_size,))
+        self.state_space = bounded_box(field_bounds(envs)["state"], (envs.spec.state_size,))
 
     def observation_space(self, agent: str) -> Dict | Box:
         """The observation space of an agent; the same object every time."""

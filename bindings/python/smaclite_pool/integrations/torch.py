@@ -6,7 +6,7 @@
 
     with sp.make("2s3z", num_envs=8) as envs:
         fields = tensors(envs.reset(seed=1))    # {"obs": float32 [8, 5, 80], "state": float32 [8, 120], ...}
-        policy = torch.nn.Linear(envs.obs_size, envs.n_actions)
+        policy = torch.nn.Linear(envs.spec.obs_size, envs.spec.n_actions)
         logits = policy(fields["obs"]).masked_fill(~fields["avail_actions"], -torch.inf)
         actions = torch.distributions.Categorical(logits=logits).sample()
         fields = tensors(envs.step(actions.numpy()))

@@ -124,13 +124,13 @@ class PoolEnv(EnvBase):
             envs = scenario
         else:
             envs = make(scenario, num_envs, autoreset_mode="Disabled", **settings)
-        super().__init__(device=torch.device(device), batch_size=torch.Size([envs.num_envs]))
+        super().__init__(device=torch.device(device), batch_size=torch.Size([envs.spec.num_envs]))
         self.envs = envs
         self.render_mode = render_mode
         self._viewer = LaneViewer(envs, render_mode, render_speed, renderer)
-        self.group_map = {"agents": [f"agent_{agent}" for agent in range(envs.n_agents)]}
-        if envs.sides == "both":
-            self.group_map["enemies"] = [f"enemy_{enemy}" for enemy in range(envs.n_enemies)]
+        self.group_map = {"agents": [f"agent_{agent}" for agent in range(envs.spec.n_agents)]}
+        if envs.spec.sides == "both":
+            self.group_map["enemies"] = [f"enemy_{enemy}" for enemy in range(envs.spec.n_enemies)]
         self._next_seed: int | None = None
         self._snapshots: torch.Tensor | None = None
         self._make_specs()
@@ -146,14 +146,16 @@ class PoolEnv(EnvBase):
         info = {name: self._scalar(self._dtype(name), count) for name in INFO_FIELDS}
         bounds = field_bounds(envs)
         sizes = {
-            "agents": (envs.n_agents, bounds["obs"], envs.n_actions),
-            "enemies": (envs.n_enemies, bounds["enemy_obs"], envs.n_enemy_actions),
+            "agents": (envs.spec.n_agents, bounds["obs"], envs.spec.n_actions),
+            "enemies": (envs.spec.n_enemies, bounds["enemy_obs"], envs.spec.n_enemy_actions),
         }
         groups = {group: self._group_specs(*sizes[group]) for group in self.group_map}
         self._available = {group: actions["action"].mask for group, (_, actions) in groups.items()}
         self.observation_spec = Composite(
             **{group: observed for group, (observed, _) in groups.items()},
-            state=Unbounded(torch.Size([*count, self.envs.state_size]), device=device, dtype=torch.float32),
+            state=Unbounded(
+                torch.Size([*count, self.envs.spec.state_size]), device=device, dtype=torch.float32
+            ),
             info=Composite(info, shape=count, device=device),
             shape=count,
             device=device,
@@ -163,7 +165,7 @@ class PoolEnv(EnvBase):
         column = torch.Size([*count, 1])
         rewards: dict[str, Any] = {"reward": self._scalar(self._dtype("reward"), column)}
         if "enemies" in groups:
-            team = torch.Size([*count, envs.n_enemies])
+            team = torch.Size([*count, envs.spec.n_enemies])
             of_each = self._scalar(self._dtype("enemy_reward"), torch.Size([*team, 1]))
             rewards["enemies"] = Composite(reward=of_each, shape=team, device=device)
         self.full_reward_spec = Composite(**rewards, shape=count, device=device)
@@ -183,7 +185,7 @@ class PoolEnv(EnvBase):
         return observed, Composite(action=action, shape=team, device=device)
 
     def _dtype(self, field: str) -> torch.dtype:
-        numpy_dtype, _ = self.envs.fields[field]
+        numpy_dtype, _ = self.envs.spec.fields[field]
         return torch.from_numpy(np.empty(0, numpy_dtype)).dtype
 
     def _scalar(self, dtype: torch.dtype, shape: torch.Size) -> Any:
@@ -211,7 +213,7 @@ class PoolEnv(EnvBase):
         ends = {"done": terminated | truncated, "terminated": terminated, "truncated": truncated}
         observed.update({"reward": self._field(batch, "reward").unsqueeze(-1), **ends})
         if "enemies" in self.group_map:
-            team = (*self.batch_size, self.envs.n_enemies, 1)
+            team = (*self.batch_size, self.envs.spec.n_enemies, 1)
             observed["enemies", "reward"] = (
                 self._field(batch, "enemy_reward")[:, None, None].expand(team).clone()
             )
@@ -222,7 +224,7 @@ class PoolEnv(EnvBase):
 
         Raises InvalidRequest before the first reset, or if the lane has no field `snapshot`.
         """
-        if "snapshot" not in self.envs.fields:
+        if "snapshot" not in self.envs.spec.fields:
             raise InvalidRequest("the lane has no snapshots: name the field `snapshot` among `fields`")
         if self._snapshots is None:
             raise InvalidRequest("no battle has begun; call reset first")
@@ -241,7 +243,7 @@ class PoolEnv(EnvBase):
         return self._decode(batch).update(self.full_done_spec.zero())
 
     def _decode(self, batch: Batch) -> TensorDictBase:
-        if "snapshot" in self.envs.fields:
+        if "snapshot" in self.envs.spec.fields:
             self._snapshots = tensor(batch.snapshot).plain.clone()
         groups = {group: self._decode_group(batch, group) for group in self.group_map}
         info = {name: self._field(batch, name) for name in INFO_FIELDS}

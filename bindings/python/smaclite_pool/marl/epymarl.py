@@ -92,15 +92,20 @@ class PoolRunner:
         self._first_seed: int | None = settings.get("seed")
         self._marks_timeouts = bool(settings.get("continuing_episode", False))
         envs = self._envs
-        if envs.episode_limit is None:
+        if envs.spec.episode_limit is None:
             envs.close()
-            raise InvalidRequest(f"{envs.scenario} has no episode limit; set env_args.time_limit")
-        self.episode_limit = envs.episode_limit
+            raise InvalidRequest(f"{envs.spec.scenario} has no episode limit; set env_args.time_limit")
+        self.episode_limit = envs.spec.episode_limit
         has_last_action = settings.get("state_last_action", True)
-        self._state_size = envs.state_size - (0 if has_last_action else envs.n_agents * envs.n_actions)
+        self._state_size = envs.spec.state_size - (
+            0 if has_last_action else envs.spec.n_agents * envs.spec.n_actions
+        )
         self._rows = _Rows(envs, self._state_size)
-        self._recorder = Recorder(envs.name, envs.lane)
-        self._replay_file = (settings.get("replay_dir") or "", settings.get("replay_prefix") or envs.scenario)
+        self._recorder = Recorder(envs.spec.pool, envs.spec.lane)
+        self._replay_file = (
+            settings.get("replay_dir") or "",
+            settings.get("replay_prefix") or envs.spec.scenario,
+        )
         self.t = 0
         self.t_env = 0
         self.train_returns: list[float] = []
@@ -129,9 +134,9 @@ class PoolRunner:
         """Sizes and the episode limit."""
         return {
             "state_shape": self._state_size,
-            "obs_shape": self._envs.obs_size,
-            "n_actions": self._envs.n_actions,
-            "n_agents": self._envs.n_agents,
+            "obs_shape": self._envs.spec.obs_size,
+            "n_actions": self._envs.spec.n_actions,
+            "n_agents": self._envs.spec.n_agents,
             "episode_limit": self.episode_limit,
         }
 
@@ -227,11 +232,11 @@ class _Rows:
 
     def __init__(self, envs: Envs, state_size: int) -> None:
         self._state_size = state_size
-        fields = envs.fields
+        fields = envs.spec.fields
         self._fields: dict[str, NDArray[Any]] = {}
         for name in self.FIELDS:
             dtype, (_, *shape) = fields[name]
-            self._fields[name] = np.zeros((envs.num_envs, *shape), dtype)
+            self._fields[name] = np.zeros((envs.spec.num_envs, *shape), dtype)
 
     def receive(self, envs: Envs, count: int) -> None:
         """Receive the next `count` environments that have finished a step."""
@@ -310,9 +315,9 @@ def _attached(settings: Mapping[str, Any], num_envs: int) -> Envs:
     if changed := changed_rewards(settings):
         raise InvalidRequest(f"a running pool has its own rewards; remove {', '.join(changed)} from env_args")
     envs = connect(settings["pool"], settings.get("lane"), timeout=10)
-    served = (envs.num_envs, envs.batch_size, envs.autoreset_mode)
+    served = (envs.spec.num_envs, envs.spec.batch_size, envs.spec.autoreset_mode)
     if served != (num_envs, 1, "Disabled"):
-        pool, scenario = envs.name, envs.scenario
+        pool, scenario = envs.spec.pool, envs.spec.scenario
         envs.close()
         raise InvalidRequest(
             f"num_envs, batch_size and autoreset_mode of pool `{pool}` are {served}; this runner needs "

@@ -11,7 +11,7 @@
 
 In `onpolicy/scripts/train/train_smac.py`, replace the result of `make_train_env` by
 `ShareVecEnv(all_args.map_name, all_args.n_rollout_threads, seed=all_args.seed)`; `num_agents` is
-`envs.n_agents`.
+`envs.spec.n_agents`.
 
 `obs`, `share_obs` and `available_actions` are read-only views of shared memory; the state is the same memory
 for every agent. on-policy's buffers copy what they keep. Code that keeps these arrays for more than two steps
@@ -140,12 +140,13 @@ class ShareVecEnv:
         return self
 
     def _serve(self, envs: Envs) -> None:
+        spec = envs.spec
         self._envs = envs
-        self.num_envs, self.n_agents = envs.num_envs, envs.n_agents
-        self.observation_space = [[envs.obs_size] for _ in range(envs.n_agents)]
-        self.share_observation_space = [[envs.state_size] for _ in range(envs.n_agents)]
-        self.action_space = [Discrete(envs.n_actions) for _ in range(envs.n_agents)]
-        self._counts = np.zeros((envs.num_envs, 3), np.int64)  # won, all, reached the limit
+        self.num_envs, self.n_agents = spec.num_envs, spec.n_agents
+        self.observation_space = [[spec.obs_size] for _ in range(spec.n_agents)]
+        self.share_observation_space = [[spec.state_size] for _ in range(spec.n_agents)]
+        self.action_space = [Discrete(spec.n_actions) for _ in range(spec.n_agents)]
+        self._counts = np.zeros((spec.num_envs, 3), np.int64)  # won, all, reached the limit
 
     def reset(self) -> Reset:
         """Begin a new episode in every environment."""
@@ -192,7 +193,9 @@ class ShareVecEnv:
         return self
 
     def _shared(self, batch: Batch) -> Floats:
-        return np.broadcast_to(batch.state[:, None, :], (self.num_envs, self.n_agents, self._envs.state_size))
+        return np.broadcast_to(
+            batch.state[:, None, :], (self.num_envs, self.n_agents, self._envs.spec.state_size)
+        )
 
     def _infos(self, won: list[bool], truncated: list[bool]) -> list[list[dict[str, Any]]]:
         infos = []

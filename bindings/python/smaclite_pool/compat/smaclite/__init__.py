@@ -77,17 +77,18 @@ class SMACliteEnv(BattleEnv):
             render_mode=render_mode,
             **settings,
         )
-        envs = self._battle.envs
-        self.n_agents, self.n_enemies, self.n_actions = envs.n_agents, envs.n_enemies, envs.n_actions
-        self.obs_size, self.state_size = envs.obs_size, envs.state_size
+        spec = self._battle.envs.spec
+        self.n_agents, self.n_enemies, self.n_actions = spec.n_agents, spec.n_enemies, spec.n_actions
+        self.obs_size, self.state_size = spec.obs_size, spec.state_size
 
     def _spaces(
         self, scenario: str | PathLike[str], envs: Envs
     ) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
+        spec = envs.spec
         self._layout = ScenarioLayout(scenario)
         allies = self._layout.allies
-        n_targets = [envs.n_agents - 1 if unit["healer"] else envs.n_enemies for unit in allies]
-        boxes = [spaces.Box(-1.0, 1.0, (envs.obs_size,), np.float32) for _ in allies]
+        n_targets = [spec.n_agents - 1 if unit["healer"] else spec.n_enemies for unit in allies]
+        boxes = [spaces.Box(-1.0, 1.0, (spec.obs_size,), np.float32) for _ in allies]
         return spaces.Tuple(boxes), AvailableTuple(envs, [FIRST_TARGET + n for n in n_targets])
 
     def _observation(self, now: TimeStep) -> tuple[NDArray[np.float32], ...]:

@@ -184,19 +184,19 @@ class MultiAgentEnv(Queries, Details):
             "rewards": changed_rewards(rewards),
         }
         self._battle = SingleBattle(map_name, settings)
-        envs = self._battle.envs
-        self.n_agents, self.n_enemies, self.n_actions = envs.n_agents, envs.n_enemies, envs.n_actions
-        self.episode_limit = envs.episode_limit
+        spec = self._battle.envs.spec
+        self.n_agents, self.n_enemies, self.n_actions = spec.n_agents, spec.n_enemies, spec.n_actions
+        self.episode_limit = spec.episode_limit
         health = sum(unit["hp"] + unit["shield"] for unit in self._views.layout.enemies)
-        kills = envs.rewards["reward_death_value"] * self.n_enemies
-        self.max_reward = kills + envs.rewards["reward_win"] + health
+        kills = spec.rewards["reward_death_value"] * self.n_enemies
+        self.max_reward = kills + spec.rewards["reward_win"] + health
         self._views.set_limit(self.episode_limit)
         self.battles_won = self.battles_game = self.timeouts = self.force_restarts = 0
         # Zeros until the first reset.
         self._avail: Bools = np.zeros((self.n_agents, self.n_actions), np.bool_)
-        no_obs = np.zeros((self.n_agents, envs.obs_size), np.float32)
-        self._views.update(no_obs, np.zeros(envs.state_size, np.float32), 0)
-        self._recorder = Recorder(envs.name)
+        no_obs = np.zeros((self.n_agents, spec.obs_size), np.float32)
+        self._views.update(no_obs, np.zeros(spec.state_size, np.float32), 0)
+        self._recorder = Recorder(spec.pool)
 
     def reset(self) -> tuple[list[Floats], Floats]:
         """Begin a new episode, and return `get_obs()` and `get_state()`.

@@ -1,0 +1,130 @@
+"""What never changes about the environments of a lane."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from .types import LaneDescription, RewardOptions
+
+
+@dataclass(frozen=True, kw_only=True)
+class LaneSpec:
+    """What never changes about the environments of a lane: sizes, fields, names and settings.
+
+    `Envs.spec` and `Spectator.spec` are such objects. They can be pickled and need no pool, so a process
+    without environments can build networks by one. `dataclasses.replace` makes another one, for wrappers.
+    """
+
+    pool: str
+    """The pool's name, by which others connect."""
+    lane: str
+    """The lane's name."""
+    pid: int
+    """Process id of the pool's supervisor; the process of `make` if the pool is embedded."""
+    scenario: str
+    """The scenario's name."""
+    rules: Literal["smaclite", "paper", "starcraft-1"]
+    """The rule set."""
+    seed: int
+    """The lane's seed, also where a random one was drawn: environment i starts with seed + i."""
+    num_envs: int
+    """Number of environments (N)."""
+    batch_size: int
+    """Number of environments per batch (M); equal to `num_envs` in synchronous mode."""
+    threads: int
+    """Worker threads of the pool, which all its lanes share."""
+    max_held_batches: int
+    """Batches that can be in use at once."""
+    n_agents: int
+    """Number of agents per environment."""
+    n_enemies: int
+    """Number of enemies per environment."""
+    n_actions: int
+    """Number of actions per agent: no-op (dead agents only), stop, move north, south, east and west, then one
+    per target."""
+    obs_size: int
+    """Number of features in an agent's observation, with what the lane appends."""
+    state_size: int
+    """Number of features in the state."""
+    snapshot_size: int
+    """Bytes of a snapshot; 0 if the lane has no field `snapshot`."""
+    fields: dict[str, tuple[np.dtype[Any], tuple[int, ...]]]
+    """From the name of each field in a batch to its dtype and shape."""
+    episode_limit: int | None
+    """Number of steps after which an episode is truncated; None for no limit."""
+    autoreset_mode: Literal["NextStep", "SameStep", "Disabled"]
+    """What happens at the end of an episode; the values of Gymnasium's `AutoresetMode`."""
+    obs_last_actions: int
+    """How many of its own last actions an agent observes; 0 for none."""
+    obs_agent_id: bool
+    """Whether an agent observes its own number."""
+    rewards: RewardOptions
+    """What both sides are rewarded for: SMAC's reward options, such as `reward_win`."""
+    opponents: dict[str, float]
+    """Who plays the enemies: names of `OPPONENTS`, and their weights; "learner" is `opponent_team`, if one
+    plays them."""
+    opponent_team: str | None
+    """The trained team that plays the enemies, as it was named: "zoo:3m", or the folder of its run."""
+    sides: Literal["allies", "both"]
+    """Which sides actions play. What follows is 0 or False if they do not play the enemies."""
+    mirror: bool
+    """Whether what the enemies see and do is reflected at the centre of the map."""
+    zero_sum: bool
+    """Whether the reward of each side is what it earns less what the other side earns."""
+    n_enemy_actions: int
+    """Number of actions per enemy, which are numbered as those of agents."""
+    enemy_obs_size: int
+    """Number of features in an enemy's observation."""
+    enemy_state_size: int
+    """Number of features in the enemies' state."""
+
+    @property
+    def n_actors(self) -> int:
+        """Number of actions per environment: one per agent, and if actions play both sides then one per
+        enemy."""
+        return self.n_agents + (self.n_enemies if self.sides == "both" else 0)
+
+    @staticmethod
+    def _of(
+        lane: LaneDescription,
+        fields: dict[str, tuple[np.dtype[Any], tuple[int, ...]]],
+        snapshot_size: int,
+    ) -> LaneSpec:
+        """Called by the compiled module, for `Envs.spec` and `Spectator.spec`."""
+        sides, enemies = lane["sides"], lane["enemies"]
+        both = None if sides == "allies" else sides["both"]
+        return LaneSpec(
+            pool=lane["pool"],
+            lane=lane["lane"],
+            pid=lane["pid"],
+            scenario=lane["scenario"],
+            rules=lane["rules"],
+            seed=lane["seed"],
+            num_envs=lane["num_envs"],
+            batch_size=lane["batch_size"],
+            threads=lane["threads"],
+            max_held_batches=lane["capacity"]["max_held_batches"],
+            n_agents=lane["n_agents"],
+            n_enemies=lane["n_enemies"],
+            n_actions=lane["n_actions"],
+            obs_size=lane["obs_size"],
+            state_size=lane["state_size"],
+            snapshot_size=snapshot_size,
+            fields=fields,
+            episode_limit=lane["episode_limit"],
+            autoreset_mode=lane["autoreset_mode"],
+            obs_last_actions=lane["obs_last_actions"],
+            obs_agent_id=lane["obs_agent_id"],
+            rewards=lane["rewards"],
+            opponents=lane["opponents"],
+            opponent_team=lane["opponent_team"],
+            sides="both" if both else "allies",
+            mirror=bool(both and both["mirror"]),
+            zero_sum=bool(both and both["zero_sum"]),
+            n_enemy_actions=enemies["n_actions"] if enemies else 0,
+            enemy_obs_size=enemies["obs_size"] if enemies else 0,
+            enemy_state_size=enemies["state_size"] if enemies else 0,
+        )
