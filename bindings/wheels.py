@@ -42,8 +42,13 @@ def maturin(*args: str) -> None:
 def neutral_paths() -> list[str]:
     """Options of maturin by which panic messages name no folder of this machine."""
     cargo = os.environ.get("CARGO_HOME") or str(Path.home() / ".cargo")
+    # What is compiled of the standard library has its path in the compiler's own build, or that of the
+    # library's sources, where they are installed.
+    compiler = output(os.environ.get("RUSTC", "rustc"), "-vV")
+    (commit,) = (line.split()[1] for line in compiler.splitlines() if line.startswith("commit-hash"))
+    library = f"{rust('sysroot')}/lib/rustlib/src/rust"
     # Of several that fit, the last one holds.
-    folders = {str(ROOT): ".", cargo: "cargo", f"{rust('sysroot')}/lib/rustlib/src/rust": "rust"}
+    folders = {str(ROOT): ".", cargo: "cargo", library: f"/rustc/{commit}"}
     flags = [f"--remap-path-prefix={folder}={name}" for folder, name in folders.items()]
     # Added to those of .cargo/config.toml, which the variable RUSTFLAGS would replace.
     return ["--config", f"target.'cfg(all())'.rustflags={flags!r}"]
@@ -77,7 +82,8 @@ def main() -> None:
     if unknown:
         sys.exit(f"error: no wheel is built for {unknown[0]}: name some of {', '.join(SYSTEMS)}")
     # The time that archives and the list of crates state; that of the last commit.
-    os.environ.setdefault("SOURCE_DATE_EPOCH", output("git", "log", "-1", "--format=%ct"))
+    if "SOURCE_DATE_EPOCH" not in os.environ:
+        os.environ["SOURCE_DATE_EPOCH"] = output("git", "log", "-1", "--format=%ct")
     DIST.mkdir(exist_ok=True)
     # Not `build --sdist`, which builds from the distribution: its files are as old as in every other one, so
     # cargo takes what it built of an earlier version for up to date.

@@ -40,12 +40,13 @@ built=target/playground/$target/playground/smaclite_playground.wasm
 optimised=target/playground/optimised.wasm
 if ! command -v wasm-opt >/dev/null; then
     optimised=$built
-elif ! [ $optimised -nt "$built" ] || ! [ $optimised -nt pool/playground/build.sh ]; then # it takes half a minute
+elif ! cmp --silent "$built" $optimised.of || ! [ $optimised -nt pool/playground/build.sh ]; then # half a minute
     # Functions that are called most have the shortest numbers.
     wasm-opt -Oz --converge --dae-optimizing --reorder-functions -Oz \
         --enable-bulk-memory --enable-sign-ext --enable-nontrapping-float-to-int --enable-mutable-globals \
         "$built" -o $optimised.part
     mv $optimised.part $optimised
+    cp "$built" $optimised.of
 fi
 engine=target/playground/engine.wasm
 cp "$optimised" $engine

@@ -9,6 +9,7 @@ import os
 import socket
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -167,8 +168,11 @@ def viewer(url: str, _folder: Path) -> str | None:
         opened = page(url)
         opened.request("select_lane", name="own")
         opened.request("set_view", first=0, count=2, visible=True)
+        end = time.monotonic() + LONGEST
         event: Any = {}
         while event.get("type") not in ("grid", "lost"):
+            if time.monotonic() > end:
+                raise TimeoutError
             event = opened.receive().get("event", {})
         opened.close()
     except TimeoutError:

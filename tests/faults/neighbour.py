@@ -7,8 +7,8 @@ import os
 import subprocess
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import smaclite_pool as sp
@@ -51,7 +51,7 @@ class Neighbour:
                 while not self._ends.is_set():
                     actions = twin.sample_actions()
                     begin = time.monotonic()
-                    batch = envs.step(actions)
+                    batch = envs.step(actions, timeout=LONGEST)
                     self.longest = max(self.longest, time.monotonic() - begin)
                     expected = twin.step(actions)
                     for name in envs.spec.fields:
@@ -69,15 +69,14 @@ class Neighbour:
         )
 
     def _is_free(self) -> bool:
-        lanes = self._status()["lanes"]
-        return all(lane["spectators"] == 0 for lane in lanes) and lanes[1]["learner_pid"] is None
-
-    def _status(self) -> Any:
         command: list[Path | str] = [PROGRAM, "status", POOL, "--json"]
-        done = subprocess.run(command, capture_output=True, timeout=LONGEST, check=True)
-        return json.loads(done.stdout)
+        done = subprocess.run(command, capture_output=True, timeout=LONGEST, check=False)
+        lanes = json.loads(done.stdout)["lanes"] if done.returncode == 0 else []
+        return (
+            bool(lanes) and lanes[1]["learner_pid"] is None and not any(lane["spectators"] for lane in lanes)
+        )
 
-    def _wait(self, is_so: Any, otherwise: str) -> str | None:
+    def _wait(self, is_so: Callable[[], bool], otherwise: str) -> str | None:
         end = time.monotonic() + LONGEST
         while True:
             if self._error:
@@ -93,11 +92,14 @@ class Neighbour:
     def close(self) -> str | None:
         """Returns what is wrong at the end."""
         self._ends.set()
-        self._learner.join()
-        self.pool.terminate()
-        status = self.pool.wait(LONGEST)
-        if self._before is None:
-            del os.environ["SMACLITE_POOL_ROOT"]
-        else:
-            os.environ["SMACLITE_POOL_ROOT"] = self._before
+        self._learner.join()  # its steps end
+        try:
+            self.pool.terminate()
+            status = self.pool.wait(LONGEST)
+        finally:
+            self.pool.kill()
+            if self._before is None:
+                del os.environ["SMACLITE_POOL_ROOT"]
+            else:
+                os.environ["SMACLITE_POOL_ROOT"] = self._before
         return f"exit status {status} of the pool" if status else None

@@ -103,11 +103,11 @@ class Stage:
 
     def wrong(self, fault: Fault, end: End) -> str | None:
         """What is wrong after a fault."""
-        left = self.neighbour.wrong() if self.neighbour else self._left()
-        if any(message in end.stderr for message in EXCUSED):
-            return None
+        disturbed, left = (self.neighbour.wrong(), None) if self.neighbour else (None, self.left())
         if end.status is None:
             return "it hangs"
+        if disturbed or any(message in end.stderr for message in EXCUSED):
+            return disturbed
         if "panicked" in end.stderr:
             return "it panics"
         if end.status not in (0, 1) and not (fault.error == KILL and end.status == -signal.SIGKILL):
@@ -116,7 +116,7 @@ class Stage:
             return "it fails without a message"
         return end.problem or left or self._scenario.check(self._folder / "out")
 
-    def _left(self) -> str | None:
+    def left(self) -> str | None:
         """What of the command is left after `clean`."""
         cleaned = {**os.environ, "SMACLITE_POOL_ROOT": str(self._pools())}
         subprocess.run([PROGRAM, "clean"], env=cleaned, capture_output=True, check=False)
@@ -137,11 +137,14 @@ def stage(name: str, folder: Path) -> Iterator[Stage]:
         yield Stage(scenario, folder / "f", None)
         return
     neighbour = Neighbour(folder / f"n-{name}")
+    at = Stage(scenario, folder / "f", neighbour)
     try:
-        yield Stage(scenario, folder / "f", neighbour)
+        yield at
     finally:
-        if problem := neighbour.close():
-            raise SystemExit(f"faults: {name}: {problem}")
+        problem = neighbour.close()
+        left = at.left()
+        if problem or left:
+            raise SystemExit(f"faults: {name}: {problem or left}")
     print(f"{name}: the longest step of the neighbour took {neighbour.longest:.3f} s")
 
 

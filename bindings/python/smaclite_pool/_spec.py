@@ -15,7 +15,8 @@ class LaneSpec:
     """What never changes about the environments of a lane: sizes, fields, names and settings.
 
     `Envs.spec` and `Spectator.spec` are such objects. They can be pickled and need no pool, so a process
-    without environments can build networks by one. `dataclasses.replace` makes another one, for wrappers.
+    without environments can build networks by one. `dataclasses.replace` makes another one, for wrappers; its
+    dicts are shared, so they must not be changed.
     """
 
     pool: str

@@ -102,6 +102,8 @@ class Wrapper:
     def __getattr__(self, name: str) -> Any:
         if name == "envs":  # not set yet: __init__ of the subclass has not called ours
             raise AttributeError("call super().__init__(envs) first")
+        if name == "spec":  # `change_spec` raised AttributeError: it does so again, with its own message
+            return self.change_spec(self.envs.spec)
         return getattr(self.envs, name)
 
     def __enter__(self: Self) -> Self:

@@ -170,7 +170,7 @@ class RewardOptions(TypedDict):
 
 
 class LaneDescription(TypedDict):
-    """What never changes about a lane, as `status` says it: what `Envs.spec` has, and more."""
+    """What never changes about a lane, as `status` and `smaclite-pool status --json` say it."""
 
     pool: str
     pid: int

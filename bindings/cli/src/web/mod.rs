@@ -105,14 +105,13 @@ pub(crate) fn serve(options: &ServeOptions, app: impl App) -> CommandResult {
     }
     let routes = routes
         .layer(middleware::from_fn(move |request, next| guard::check(Arc::clone(&guard), request, next)));
-    let served = runtime.block_on(async {
+    runtime.block_on(async {
         let served = serve_until_signal(listener, routes, &url, options).await;
         drop(end);
+        // The end of the program ends the thread of a page that takes too long.
         let _all_ended = timeout(MOST_WAIT, pages.acquire_many(MAX_PAGES as u32)).await;
         served
-    });
-    runtime.shutdown_background(); // does not wait for a page that took too long
-    served
+    })
 }
 
 async fn serve_until_signal(

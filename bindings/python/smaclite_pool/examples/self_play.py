@@ -54,7 +54,7 @@ class Sides(sp.extras.Wrapper):
     def change_batch(self, batch: Any) -> Any:
         goes_on = ~batch.was_reset
         self.enemy_return = goes_on * (self.enemy_return + batch.enemy_reward)
-        enemies_won = batch.terminated & (batch.dead_allies == self.spec.n_agents)
+        enemies_won = batch.terminated & (batch.dead_allies == self.envs.spec.n_agents)
         pairs = {own: (getattr(batch, own), getattr(batch, other)) for own, other in PAIRS.items()}
         pairs |= {name: (getattr(batch, name), getattr(batch, name)) for name in SHARED}
         pairs["reward"] = (batch.reward, batch.enemy_reward)

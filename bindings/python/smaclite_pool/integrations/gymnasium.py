@@ -131,8 +131,8 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
         render_speed: float | None = 1.0,
         renderer: Renderer | None = None,
     ) -> None:
-        spec = envs.spec
         self.closed = True  # if this fails, the caller still owns the lane
+        spec = envs.spec
         check_one_side(envs)
         require_synchronous(envs, "a VectorEnv")
         self._envs, self._copy = envs, copy

@@ -11,7 +11,7 @@
 
 In `onpolicy/scripts/train/train_smac.py`, replace the result of `make_train_env` by
 `ShareVecEnv(all_args.map_name, all_args.n_rollout_threads, seed=all_args.seed)`; `num_agents` is
-`envs.spec.n_agents`.
+`envs.n_agents`.
 
 `obs`, `share_obs` and `available_actions` are read-only views of shared memory; the state is the same memory
 for every agent. on-policy's buffers copy what they keep. Code that keeps these arrays for more than two steps
