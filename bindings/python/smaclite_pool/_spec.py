@@ -15,8 +15,8 @@ class LaneSpec:
     """What never changes about the environments of a lane: sizes, fields, names and settings.
 
     `Envs.spec` and `Spectator.spec` are such objects. They can be pickled and need no pool, so a process
-    without environments can build networks by one. `dataclasses.replace` makes another one, for wrappers; its
-    dicts are shared, so they must not be changed.
+    without environments can build networks by one. `dataclasses.replace` makes another one, for wrappers. Do
+    not change the dicts: whoever asks for the spec gets the same ones.
     """
 
     pool: str
@@ -28,7 +28,7 @@ class LaneSpec:
     scenario: str
     """The scenario's name."""
     rules: Literal["smaclite", "paper", "starcraft-1"]
-    """The rule set."""
+    """The rule set: "smaclite", "paper" or "starcraft-1"."""
     seed: int
     """The lane's seed, also where a random one was drawn: environment i starts with seed + i."""
     num_envs: int
@@ -57,7 +57,8 @@ class LaneSpec:
     episode_limit: int | None
     """Number of steps after which an episode is truncated; None for no limit."""
     autoreset_mode: Literal["NextStep", "SameStep", "Disabled"]
-    """What happens at the end of an episode; the values of Gymnasium's `AutoresetMode`."""
+    """What happens at the end of an episode: "NextStep", "SameStep" or "Disabled", the values of Gymnasium's
+    `AutoresetMode`."""
     obs_last_actions: int
     """How many of its own last actions an agent observes; 0 for none."""
     obs_agent_id: bool
@@ -70,7 +71,7 @@ class LaneSpec:
     opponent_team: str | None
     """The trained team that plays the enemies, as it was named: "zoo:3m", or the folder of its run."""
     sides: Literal["allies", "both"]
-    """Which sides actions play. What follows is 0 or False if they do not play the enemies."""
+    """Which sides actions play: "allies" or "both". What follows is 0 or False for "allies"."""
     mirror: bool
     """Whether what the enemies see and do is reflected at the centre of the map."""
     zero_sum: bool
