@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import dataclasses
 from typing import Any, Literal
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from .types import LaneDescription, RewardOptions
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclasses.dataclass(frozen=True, kw_only=True)
 class LaneSpec:
     """What never changes about the environments of a lane: sizes, fields, names and settings.
 
@@ -72,15 +72,15 @@ class LaneSpec:
     """The trained team that plays the enemies, as it was named: "zoo:3m", or the folder of its run."""
     sides: Literal["allies", "both"]
     """Which sides actions play: "allies" or "both". What follows is 0 or False for "allies"."""
-    mirror: bool
+    mirror: bool = False
     """Whether what the enemies see and do is reflected at the centre of the map."""
-    zero_sum: bool
+    zero_sum: bool = False
     """Whether the reward of each side is what it earns less what the other side earns."""
-    n_enemy_actions: int
+    n_enemy_actions: int = 0
     """Number of actions per enemy, which are numbered as those of agents."""
-    enemy_obs_size: int
+    enemy_obs_size: int = 0
     """Number of features in an enemy's observation."""
-    enemy_state_size: int
+    enemy_state_size: int = 0
     """Number of features in the enemies' state."""
 
     @property
@@ -96,37 +96,12 @@ class LaneSpec:
         snapshot_size: int,
     ) -> LaneSpec:
         """Called by the compiled module, for `Envs.spec` and `Spectator.spec`."""
-        sides, enemies = lane["sides"], lane["enemies"]
-        both = None if sides == "allies" else sides["both"]
-        return LaneSpec(
-            pool=lane["pool"],
-            lane=lane["lane"],
-            pid=lane["pid"],
-            scenario=lane["scenario"],
-            rules=lane["rules"],
-            seed=lane["seed"],
-            num_envs=lane["num_envs"],
-            batch_size=lane["batch_size"],
-            threads=lane["threads"],
-            max_held_batches=lane["capacity"]["max_held_batches"],
-            n_agents=lane["n_agents"],
-            n_enemies=lane["n_enemies"],
-            n_actions=lane["n_actions"],
-            obs_size=lane["obs_size"],
-            state_size=lane["state_size"],
-            snapshot_size=snapshot_size,
-            fields=fields,
-            episode_limit=lane["episode_limit"],
-            autoreset_mode=lane["autoreset_mode"],
-            obs_last_actions=lane["obs_last_actions"],
-            obs_agent_id=lane["obs_agent_id"],
-            rewards=lane["rewards"],
-            opponents=lane["opponents"],
-            opponent_team=lane["opponent_team"],
-            sides="both" if both else "allies",
-            mirror=bool(both and both["mirror"]),
-            zero_sum=bool(both and both["zero_sum"]),
-            n_enemy_actions=enemies["n_actions"] if enemies else 0,
-            enemy_obs_size=enemies["obs_size"] if enemies else 0,
-            enemy_state_size=enemies["state_size"] if enemies else 0,
-        )
+        names = {field.name for field in dataclasses.fields(LaneSpec)}
+        values: dict[str, Any] = {name: value for name, value in lane.items() if name in names}
+        if lane["sides"] != "allies":
+            values |= {"sides": "both", **lane["sides"]["both"]}
+        if enemies := lane["enemies"]:
+            values["n_enemy_actions"] = enemies["n_actions"]
+            values["enemy_obs_size"], values["enemy_state_size"] = enemies["obs_size"], enemies["state_size"]
+        values["max_held_batches"] = lane["capacity"]["max_held_batches"]
+        return LaneSpec(**{**values, "fields": fields, "snapshot_size": snapshot_size})
