@@ -266,7 +266,7 @@ lint-rust:
 # Tests compare what the program makes with the files; with SMACLITE_WRITE they write them. Pictures, which need a browser,
 # are drawn by `just pictures`, and what is trained or measured by the recipes that do it.
 #
-# Write every generated file: schemas, man pages, completions, types of page scripts, licences, the wheel's README, tables, charts, quoted numbers
+# Write every generated file: schemas, types of page scripts, licences, the wheel's README, tables, charts, quoted numbers
 generate: _venv
     SMACLITE_WRITE=1 cargo test --release --quiet -p smaclite-view -p smaclite-playground -p smaclite-cli generated_
     {{ python }} -m pip install --quiet matplotlib

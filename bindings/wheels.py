@@ -9,6 +9,7 @@ Debian's gcc-mingw-w64-x86-64-posix.
 """
 
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -24,6 +25,13 @@ SYSTEMS = {
     "aarch64": ("aarch64-unknown-linux-gnu", ["aarch64-unknown-linux-gnu"], LINUX),
     "macos": ("universal2-apple-darwin", ["aarch64-apple-darwin", "x86_64-apple-darwin"], ZIG),
     "windows": ("x86_64-pc-windows-gnu", ["x86_64-pc-windows-gnu"], []),
+}
+
+# Where shells look for the completions of programs, in the folder `share`.
+COMPLETIONS = {
+    "bash": "bash-completion/completions/smaclite-pool",
+    "zsh": "zsh/site-functions/_smaclite-pool",
+    "fish": "fish/vendor_completions.d/smaclite-pool.fish",
 }
 
 
@@ -58,7 +66,20 @@ def rust(what: str, *args: str) -> str:
     return output(os.environ.get("RUSTC", "rustc"), "--print", what, *args)
 
 
-def build(system: str) -> None:
+def write_share(share: Path) -> None:
+    """Writes the man pages and the completions of shells, as the program of this machine prints them."""
+    run("cargo", "build", "--locked", "--release", "--bin", "smaclite-pool")
+    program = ROOT / "target/release/smaclite-pool"
+    run(str(program), "man", "--out", str(share / "man/man1"))
+    for shell, file in COMPLETIONS.items():
+        # The script runs the program by the name by which it was run itself.
+        command = ["smaclite-pool", "completions", shell]
+        script = subprocess.run(command, executable=program, check=True, capture_output=True).stdout
+        (share / file).parent.mkdir(parents=True)
+        (share / file).write_bytes(script)
+
+
+def build(system: str, share: Path) -> None:
     target, libraries, options = SYSTEMS[system]
     for library in libraries:
         if not Path(rust("target-libdir", "--target", library)).is_dir():
@@ -74,6 +95,7 @@ def build(system: str) -> None:
         (unpacked,) = (path for path in Path(folder).iterdir() if path.is_dir())
         for sbom in unpacked.glob("*.dist-info/sboms/*"):
             sbom.write_text(sbom.read_text().replace(f"{ROOT.as_uri()}/", "file:///"))
+        shutil.copytree(share, unpacked / f"{unpacked.name}.data/data/share")
         run(sys.executable, "-m", "wheel", "pack", "--dest-dir", str(DIST), str(unpacked))
 
 
@@ -88,8 +110,10 @@ def main() -> None:
     # Not `build --sdist`, which builds from the distribution: its files are as old as in every other one, so
     # cargo takes what it built of an earlier version for up to date.
     maturin("sdist", "--out", str(DIST))
-    for system in sys.argv[1:] or SYSTEMS:
-        build(system)
+    with tempfile.TemporaryDirectory() as folder:
+        write_share(Path(folder))
+        for system in sys.argv[1:] or SYSTEMS:
+            build(system, Path(folder))
 
 
 if __name__ == "__main__":

@@ -2,10 +2,10 @@
 
 use crate::kit::{output, run};
 use crate::page_kit::Place;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::fs;
 use std::os::unix::process::CommandExt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
 
 /// What bash offers for the last of these words, with the script that the program prints.
@@ -60,7 +60,8 @@ fn bash_completes_the_names_of_running_pools() {
     }
 }
 
-/// The script of a program in another folder was to work in every folder.
+/// The script of a program in another folder was to work in every folder. That of a wheel is to run the program
+/// in PATH, whose name it was run by.
 #[test]
 fn scripts_run_the_program_that_printed_them() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -68,6 +69,10 @@ fn scripts_run_the_program_that_printed_them() {
     for shell in ["bash", "elvish", "fish", "powershell", "zsh"] {
         let script = output(folder.path(), &format!("completions {shell}"));
         assert!(script.contains(program) && script.contains("SMACLITE_POOL_COMPLETE"), "{shell}: {script}");
+        let mut by_name = Command::new(program);
+        by_name.arg0("smaclite-pool").args(["completions", shell]).current_dir(folder.path());
+        let script = String::from_utf8(by_name.output().expect("the program").stdout).expect("text");
+        assert!(script.contains("smaclite-pool") && !script.contains(program), "{shell}: {script}");
     }
 }
 
@@ -99,57 +104,6 @@ fn there_is_a_man_page_per_command() {
     assert_eq!(printed, fs::read_to_string(folder.path().join("pages/man1/smaclite-pool.1")).expect("text"));
     let refused = run(folder.path(), "man --out pages/man1/smaclite-pool.1");
     assert_eq!(refused.status.code(), Some(1));
-}
-
-/// The wheel installs man pages and completions where man and the shells look for them.
-#[test]
-fn generated_man_pages_and_completions() {
-    let share = Path::new(env!("CARGO_MANIFEST_DIR")).join("../wheel/data/share");
-    let folder = tempfile::tempdir().expect("a folder");
-    output(folder.path(), "man --out man/man1");
-    for (shell, file) in [
-        ("bash", "bash-completion/completions/smaclite-pool"),
-        ("zsh", "zsh/site-functions/_smaclite-pool"),
-        ("fish", "fish/vendor_completions.d/smaclite-pool.fish"),
-    ] {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_smaclite-pool"));
-        let script =
-            command.arg0("smaclite-pool").args(["completions", shell]).output().expect("the program");
-        let file = folder.path().join(file);
-        fs::create_dir_all(file.parent().expect("a folder")).expect("a folder");
-        fs::write(file, script.stdout).expect("a file");
-    }
-    if std::env::var_os("SMACLITE_WRITE").is_some() {
-        let _ = fs::remove_dir_all(&share); // the first time, there is none
-        copy(folder.path(), &share);
-    }
-    assert_eq!(files(&share), files(folder.path()), "run `just generate`");
-}
-
-fn copy(from: &Path, to: &Path) {
-    for (file, text) in files(from) {
-        let file = to.join(file);
-        fs::create_dir_all(file.parent().expect("a folder")).expect("a folder");
-        fs::write(file, text).expect("a file");
-    }
-}
-
-/// The texts of all files in a folder and its subfolders, by their paths in it.
-fn files(folder: &Path) -> BTreeMap<PathBuf, String> {
-    let mut found = BTreeMap::new();
-    let mut folders = vec![folder.to_owned()];
-    while let Some(next) = folders.pop() {
-        for entry in fs::read_dir(&next).into_iter().flatten() {
-            let path = entry.expect("an entry").path();
-            if path.is_dir() {
-                folders.push(path);
-            } else {
-                let name = path.strip_prefix(folder).expect("within").to_owned();
-                found.insert(name, fs::read_to_string(&path).expect("text"));
-            }
-        }
-    }
-    found
 }
 
 #[test]

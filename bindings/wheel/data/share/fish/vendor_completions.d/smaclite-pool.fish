@@ -1,1 +1,0 @@
-complete --keep-order --exclusive --command smaclite-pool --arguments "(SMACLITE_POOL_COMPLETE=fish smaclite-pool -- (commandline --current-process --tokenize --cut-at-cursor) (commandline --current-token))"
