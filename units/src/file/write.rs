@@ -1,8 +1,9 @@
 //! Writing files so that an error leaves what was there.
 
-use super::os::partial_file;
+use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
+use tempfile::NamedTempFile;
 
 /// Writes a file whole or not at all: under another name in its folder, which replaces the old file when it
 /// is complete and on the disk. A link stays a link, and an old file's permissions stay. Every file is
@@ -21,16 +22,12 @@ pub fn write_whole<E: From<io::Error>>(
         write(&mut output)?;
         return Ok(output.flush()?);
     }
-    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let file = partial_file().tempfile_in(folder)?;
+    let partial = partial_file(&path, "")?;
     if let Some(old) = old {
-        file.as_file().set_permissions(old.permissions())?;
+        partial.as_file().set_permissions(old.permissions())?;
     }
-    let mut output = BufWriter::new(file);
-    write(&mut output)?;
-    let file = output.into_inner().map_err(io::IntoInnerError::into_error)?;
-    file.as_file().sync_all()?;
-    file.persist(&path).map_err(|error| error.error)?;
+    fill(partial.as_file(), write)?;
+    partial.persist(&path).map_err(|error| error.error)?;
     Ok(())
 }
 
@@ -42,20 +39,50 @@ pub fn write_new(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<(
     if path.symlink_metadata().is_ok() {
         return Err(io::ErrorKind::AlreadyExists.into());
     }
+    let partial = partial_file(path, "")?;
+    fill(partial.as_file(), write)?;
+    partial.persist_noclobber(path).map_err(|error| error.error)?;
+    Ok(())
+}
+
+/// Makes the file that gets this name when it is complete, in the same folder, with the permissions of a
+/// user's other files. Its own name ends with the suffix.
+///
+/// # Errors
+/// Those of the system. They do not name the file, which is no name that a user knows.
+pub fn partial_file(path: &Path, suffix: &str) -> io::Result<NamedTempFile> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let file = partial_file().tempfile_in(folder)?;
+    let make = |path: &Path| File::options().read(true).write(true).create_new(true).open(path);
+    tempfile::Builder::new().suffix(suffix).make_in(folder, make)
+}
+
+/// Writes to the disk.
+fn fill<E: From<io::Error>>(
+    file: &File,
+    write: impl FnOnce(&mut dyn Write) -> Result<(), E>,
+) -> Result<(), E> {
     let mut output = BufWriter::new(file);
     write(&mut output)?;
-    let file = output.into_inner().map_err(io::IntoInnerError::into_error)?;
-    file.as_file().sync_all()?;
-    file.persist_noclobber(path).map_err(|error| error.error)?;
-    Ok(())
+    output.flush()?;
+    Ok(file.sync_all()?)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use std::fs;
+
+    /// The message was "No such file or directory at path \"missing/.tmpX1Y2Z3\"".
+    #[test]
+    fn errors_do_not_name_the_partial_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("missing/3m.json");
+        let errors = [write_whole(&path, |_| io::Result::Ok(())), write_new(&path, |_| Ok(()))];
+        for error in errors.map(Result::unwrap_err) {
+            assert_eq!(error.kind(), io::ErrorKind::NotFound);
+            assert!(!error.to_string().contains("path"), "{error}");
+        }
+    }
 
     #[test]
     fn an_error_leaves_the_old_file_and_no_other() {

@@ -4,7 +4,8 @@ use super::super::CommandResult;
 use super::super::picture::write_file;
 use super::super::snapshot;
 use smaclite_scenarios::Scenario;
-use smaclite_units::file::os::{partial_file, partial_folder};
+use smaclite_units::file::os::partial_folder;
+use smaclite_units::file::partial_file;
 use smaclite_view::{Moment, Options, Picture, Renderer, write_gif};
 use std::io::{ErrorKind, Write};
 use std::path::Path;
@@ -100,9 +101,8 @@ fn write_mp4(to: &Path, options: Options, frames: impl Iterator<Item = Picture>,
     command.args(["-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", &size, "-r", &rate]);
     // Players need yuv420p, and that needs even sides.
     command.args(["-i", "-", "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p", "-y"]);
-    let folder = to.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let partial = partial_file().suffix(".mp4").tempfile_in(folder);
-    let partial = partial.map_err(|error| format!("{}: {error}", to.display()))?.into_temp_path();
+    let partial = partial_file(to, ".mp4").map_err(|error| format!("{}: {error}", to.display()))?;
+    let partial = partial.into_temp_path();
     let mut file = std::ffi::OsString::from("file:"); // a name with a colon or a dash is a name
     file.push(&partial);
     let child = command.arg(file).stdin(Stdio::piped()).stdout(Stdio::null()).spawn();

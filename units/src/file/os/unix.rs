@@ -13,20 +13,11 @@ pub(in crate::file) fn without_waiting(path: &Path) -> io::Result<File> {
     Ok(File::from(rustix::fs::open(path, flags, Mode::empty())?))
 }
 
-/// What makes a file that gets its final name when it is complete. Temporary files are private by default;
-/// these are as the user's other files.
-pub fn partial_file<'a>() -> tempfile::Builder<'a, 'a> {
-    with_mode(0o666)
-}
-
-/// The same of a folder.
+/// What makes a folder that gets its final name when it is complete. Temporary folders are private by default;
+/// these are as the user's other folders.
 pub fn partial_folder<'a>() -> tempfile::Builder<'a, 'a> {
-    with_mode(0o777)
-}
-
-fn with_mode<'a>(mode: u32) -> tempfile::Builder<'a, 'a> {
     let mut builder = tempfile::Builder::new();
-    builder.permissions(Permissions::from_mode(mode));
+    builder.permissions(Permissions::from_mode(0o777));
     builder
 }
 

@@ -9,12 +9,7 @@ pub(in crate::file) fn without_waiting(path: &Path) -> io::Result<File> {
     File::open(path)
 }
 
-/// What makes a file that gets its final name when it is complete.
-pub fn partial_file<'a>() -> tempfile::Builder<'a, 'a> {
-    tempfile::Builder::new()
-}
-
-/// The same of a folder.
+/// What makes a folder that gets its final name when it is complete.
 pub fn partial_folder<'a>() -> tempfile::Builder<'a, 'a> {
     tempfile::Builder::new()
 }
