@@ -60,8 +60,8 @@ fn bash_completes_the_names_of_running_pools() {
     }
 }
 
-/// The script of a program in another folder was to work in every folder. That of a wheel is to run the program
-/// in PATH, whose name it was run by.
+/// The script of a program in another folder was to work in every folder. The program that is run by its name
+/// alone, as for the scripts of a wheel, prints one that runs what PATH has.
 #[test]
 fn scripts_run_the_program_that_printed_them() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -13,8 +13,8 @@ pub(in crate::file) fn without_waiting(path: &Path) -> io::Result<File> {
     Ok(File::from(rustix::fs::open(path, flags, Mode::empty())?))
 }
 
-/// What makes a folder that gets its final name when it is complete. Temporary folders are private by default;
-/// these are as the user's other folders.
+/// What makes a folder that gets its final name when it is complete. Temporary folders are private by
+/// default; these are as the user's other folders.
 pub fn partial_folder<'a>() -> tempfile::Builder<'a, 'a> {
     let mut builder = tempfile::Builder::new();
     builder.permissions(Permissions::from_mode(0o777));
