@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import tempfile
@@ -51,6 +52,9 @@ def test_a_neighbour_that_is_disturbed_is_noticed(folder: Path) -> None:
         assert neighbour.wrong()
     finally:
         assert "exit status -9" in str(neighbour.close())
+        # What a killed pool leaves in /dev/shm would have no owner any more without this folder.
+        environment = {**os.environ, "SMACLITE_POOL_ROOT": str(folder / "pools")}
+        subprocess.run([str(PROGRAM), "clean"], env=environment, check=True)
 
 
 def test_a_pool_whose_thread_is_refused_does_not_start(folder: Path) -> None:
