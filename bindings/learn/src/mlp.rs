@@ -137,9 +137,9 @@ impl Mlp {
     }
 
     /// First parameters: orthogonal weights, scaled by √2 in hidden layers and by `last_gain` in the last,
-    /// and zeros otherwise. An orthogonal matrix keeps the length of its input, and √2 makes up for the half
-    /// that max(x, 0) drops, so signals neither vanish nor grow with depth (Saxe, McClelland and Ganguli,
-    /// 2013).
+    /// and zeros otherwise. An orthogonal matrix keeps the length of its input, and √2 makes up for the
+    /// half that max(x, 0) drops, so signals neither vanish nor grow with depth (Saxe, McClelland and
+    /// Ganguli, 2013).
     pub fn initial_params(&self, last_gain: f64, generator: &mut Pcg64Mcg) -> Vec<f32> {
         let mut params = vec![0.0; self.n_params];
         for (i, layer) in self.layers.iter().enumerate() {

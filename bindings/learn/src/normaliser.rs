@@ -4,9 +4,9 @@
 //! Mean and mean square are moving averages over updates, m = 0.9 m + 0.1 x, divided by 1 - 0.9^t, the weight
 //! that the t observations so far have in them.
 //!
-//! A change of mean μ and deviation σ to μ' and σ' would change every prediction σ v + μ. The last layer
-//! v = w a + b is changed so that none does: w' = w σ / σ' and b' = (σ b + μ - μ') / σ' give σ' v' + μ' =
-//! σ v + μ (van Hasselt et al., 2016: "preserving outputs precisely").
+//! A change of mean μ and deviation σ to μ' and σ' would change every prediction σ v + μ. The last
+//! layer v = w a + b is changed so that none does: w' = w σ / σ' and b' = (σ b + μ - μ') / σ' give
+//! σ' v' + μ' = σ v + μ (van Hasselt et al., 2016: "preserving outputs precisely").
 
 const KEEP: f64 = 0.9;
 

@@ -8,7 +8,8 @@
 //!   g_i = Σ_j (s_ij - n_ij p_ij),    -∂g_i/∂θ_j = H_ij = -n_ij p_ij p_ji,    H_ii = -Σ_j≠i H_ij.
 //!
 //! H is the Fisher information. It is singular, since only differences of strengths matter. With the mean
-//! strength held at 0 its inverse is (H + J/n)⁻¹ - J/n, where J is all ones: the covariance of the strengths.
+//! strength held at 0 its inverse is (H + J/n)⁻¹ - J/n, where J is all ones: the covariance of the
+//! strengths.
 //!
 //! A player who wins all battles would have an infinite strength. So each pair that has played is given one
 //! more battle, a draw.
