@@ -1,50 +1,18 @@
 //! Heap memory of battles and of learners: a step of a battle allocates nothing after the first with a
 //! scratch and an arena, a batch only what iceoryx2 does, and a battle needs little memory.
 
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use std::hint::black_box;
 use std::sync::Arc;
 
 use smaclite_engine::{Arena, Battle, Faction, Rules, Scratch, policy};
 use smaclite_ipc::{WaitOptions, WaitStrategy};
 use smaclite_scenarios::Scenario;
+use smaclite_tests::heap::{Counting, Heap};
 use smaclite_tests::process::TIMEOUT;
 use smaclite_tests::{LanePlan, PoolPlan, TestDir};
 
-thread_local! {
-    /// How many allocations this thread has made, and how many bytes it holds.
-    static ALLOCATIONS: Cell<u64> = const { Cell::new(0) };
-    static BYTES: Cell<i64> = const { Cell::new(0) };
-}
-
-/// The system's allocator with counters.
-struct CountingAllocator;
-
-fn count(allocations: u64, bytes: i64) {
-    ALLOCATIONS.set(ALLOCATIONS.get() + allocations);
-    BYTES.set(BYTES.get() + bytes);
-}
-
-// SAFETY: every call is forwarded unchanged to the system's allocator, which fulfils the contract. Counting
-// touches thread-local cells that are initialised at compile time and have no destructor, so it neither
-// allocates nor unwinds.
-unsafe impl GlobalAlloc for CountingAllocator {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count(1, layout.size() as i64);
-        // SAFETY: the caller guarantees for `layout` what the system's allocator requires.
-        unsafe { System.alloc(layout) }
-    }
-
-    unsafe fn dealloc(&self, memory: *mut u8, layout: Layout) {
-        count(0, -(layout.size() as i64));
-        // SAFETY: `memory` came from `alloc` above with this layout, and so from the system's allocator.
-        unsafe { System.dealloc(memory, layout) }
-    }
-}
-
 #[global_allocator]
-static ALLOCATOR: CountingAllocator = CountingAllocator;
+static ALLOCATOR: Counting = Counting;
 
 /// With rewards for which losses are noted.
 fn arena(scenario: &str) -> Arc<Arena> {
@@ -107,11 +75,11 @@ fn steps_allocate_nothing() {
         let mut scratch = Scratch::new();
         let mut battle = HostedBattle::new(&arena(scenario));
         battle.step(false, &mut scratch);
-        let before = ALLOCATIONS.get();
+        let before = Heap::of_thread().allocations;
         for step in 0..600 {
             battle.step(step >= 300, &mut scratch);
         }
-        assert_eq!(ALLOCATIONS.get() - before, 0, "allocations in 600 steps of {scenario}");
+        assert_eq!(Heap::of_thread().allocations - before, 0, "allocations in 600 steps of {scenario}");
     }
 }
 
@@ -122,11 +90,11 @@ fn a_change_of_arena_allocates_nothing_the_second_time() {
     let mut battles: Vec<HostedBattle> =
         Scenario::standard_names().map(|name| HostedBattle::new(&arena(name))).collect();
     battles.iter_mut().for_each(|battle| battle.step(true, &mut scratch));
-    let before = ALLOCATIONS.get();
+    let before = Heap::of_thread().allocations;
     for _ in 0..50 {
         battles.iter_mut().for_each(|battle| battle.step(true, &mut scratch));
     }
-    assert_eq!(ALLOCATIONS.get() - before, 0);
+    assert_eq!(Heap::of_thread().allocations - before, 0);
 }
 
 fn wait(interrupted: &mut dyn FnMut() -> bool) -> WaitOptions<'_> {
@@ -151,18 +119,18 @@ fn steps_of_a_learner_allocate_the_batch_and_what_iceoryx2_does() {
         }
     };
     step(50);
-    let before = ALLOCATIONS.get();
+    let before = Heap::of_thread().allocations;
     step(300);
-    assert_eq!(ALLOCATIONS.get() - before, 2 * 300, "allocations in 300 batches");
+    assert_eq!(Heap::of_thread().allocations - before, 2 * 300, "allocations in 300 batches");
 }
 
 /// The limit for 27m_vs_30m is 64 KiB per environment, without frames.
 #[test]
 fn a_battle_is_small() {
     let arena = arena("27m_vs_30m");
-    let before = BYTES.get();
+    let before = Heap::of_thread().bytes;
     let battles: Vec<Battle> = (0..16).map(|seed| Battle::new(arena.clone(), seed)).collect();
-    let each = (BYTES.get() - before) / battles.len() as i64;
+    let each = (Heap::of_thread().bytes - before) / battles.len() as i64;
     println!(
         "{each} bytes per battle of 27m_vs_30m, {} of them on the heap",
         each - size_of::<Battle>() as i64
@@ -174,9 +142,13 @@ fn a_battle_is_small() {
 /// If allocations were not counted, the tests above could not fail.
 #[test]
 fn allocations_are_counted() {
-    let (allocations, held) = (ALLOCATIONS.get(), BYTES.get());
+    let before = Heap::of_thread();
+    Heap::forget_most();
+    drop(black_box(vec![1u8; 500]));
     let bytes = black_box(vec![1u8; 1000]);
-    assert_eq!((ALLOCATIONS.get() - allocations, BYTES.get() - held), (1, 1000));
+    let Heap { allocations, bytes: held, most } = Heap::of_thread();
+    assert_eq!((allocations - before.allocations, held - before.bytes, most - before.bytes), (2, 1000, 1000));
     drop(bytes);
-    assert_eq!(BYTES.get(), held);
+    assert_eq!(Heap::of_thread().bytes, before.bytes);
+    assert_eq!(Heap::of_thread().most, before.bytes + 1000);
 }

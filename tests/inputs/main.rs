@@ -1,5 +1,5 @@
 //! Everything that reads bytes of other programs, given inputs that were found by fuzzing, and changes of
-//! them.
+//! them. None may take much memory, whatever numbers it holds: an allocation that fails ends the process.
 //!
 //! A file per kind of input has the function that reads it and checks what came of it; the fuzzers
 //! (`just fuzz`) run the same functions. `seeds` has inputs that were written by hand, `corpus` those that
@@ -16,8 +16,16 @@ mod unit_file;
 use rand::seq::IndexedRandom;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_pcg::Pcg64Mcg;
+use smaclite_tests::heap::{Counting, Heap};
 use std::io::Read;
 use std::path::Path;
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// The most memory that reading an input and checking what came of it may take, in bytes. The largest take a
+/// third of it, most of it for battles, none for what an input claims to hold.
+const MOST_MEMORY: i64 = 4 << 20;
 
 /// The changed inputs for each one that is kept.
 const CHANGES: usize = 200;
@@ -80,20 +88,25 @@ fn change(bytes: &mut Vec<u8>, inputs: &[(String, Vec<u8>)], random: &mut impl R
     }
 }
 
+fn within_memory(run: fn(&[u8]), name: &str, bytes: &[u8]) {
+    let _reading = Reading(name, bytes);
+    let before = Heap::of_thread();
+    Heap::forget_most();
+    run(bytes);
+    let taken = Heap::of_thread().most - before.bytes;
+    assert!(taken <= MOST_MEMORY, "{taken} bytes of memory were taken");
+}
+
 fn check(kind: &str, run: fn(&[u8])) {
     let inputs = kept(kind);
     assert!(inputs.len() > 20, "{kind} has {} inputs", inputs.len());
     let mut random = Pcg64Mcg::seed_from_u64(1);
     for (name, bytes) in &inputs {
-        {
-            let _reading = Reading(name, bytes);
-            run(bytes);
-        }
+        within_memory(run, name, bytes);
         for i in 0..CHANGES {
             let mut changed = bytes.clone();
             change(&mut changed, &inputs, &mut random);
-            let _reading = Reading(&format!("change {i} of {name}"), &changed);
-            run(&changed);
+            within_memory(run, &format!("change {i} of {name}"), &changed);
         }
     }
 }

@@ -6,7 +6,7 @@
 //!
 //! For pools: [`LanePlan`] and [`PoolPlan`] describe lanes and pools. [`Reference`] computes every [`Row`] of
 //! every frame that a lane must produce, and [`conformance`] checks every way to step one. [`fault`] makes an
-//! environment fail, sleep or wait.
+//! environment fail, sleep or wait. [`heap`] counts allocations.
 //! - In one process: [`in_memory`] is a transport of channels and vectors.
 //! - With real processes: a [`Child`] is the running program itself, started again with one of the [`roles`],
 //!   and the parent sends it commands as lines of text. Every test has a [`TestDir`], so that tests do not
@@ -14,7 +14,7 @@
 //!   requests that the real client would never send, [`other_user`] acts as another user of the machine,
 //!   [`crash_points`] kills a pool at a given system call, and [`fork`] forks. [`chaos`] does all of this at
 //!   random.
-#![deny(unsafe_code)] // exceptions: `fork`, and an unsafe trait that `in_memory` implements
+#![deny(unsafe_code)] // exceptions: `fork`, and unsafe traits that `heap` and `in_memory` implement
 
 pub mod chaos;
 pub mod compare;
@@ -22,6 +22,7 @@ pub mod conformance;
 pub mod crash_points;
 pub mod fault;
 pub mod fork;
+pub mod heap;
 pub mod in_memory;
 pub mod learner;
 pub mod npy;
