@@ -173,15 +173,17 @@ fn new_field<'py>(
 /// For a field that a lane does not include.
 pub fn missing_field_error(field: Field) -> PyErr {
     let name = field.spec().name;
-    PyAttributeError::new_err(if field.is_final() {
-        format!(
-            "batches of this lane do not include `{name}`; it exists only with autoreset_mode=\"SameStep\""
-        )
+    let advice = if field.is_final() {
+        "it exists only with autoreset_mode=\"SameStep\""
     } else if FieldSet::DEFAULT.contains(field) {
-        format!("batches of this lane do not include `{name}`; add it to `fields`, or omit `fields` for all")
+        "add it to `fields`, or omit `fields` for all"
     } else {
-        format!("batches of this lane do not include `{name}`; add it to `fields`")
-    })
+        "add it to `fields`"
+    };
+    let where_it_exists = if field.is_of_enemies() { "with sides=\"both\", " } else { "" };
+    PyAttributeError::new_err(format!(
+        "batches of this lane do not include `{name}`; {where_it_exists}{advice}"
+    ))
 }
 
 #[pymethods]

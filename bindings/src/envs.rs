@@ -24,6 +24,7 @@ use crate::wait::{interruptible, run_on_thread, wait_detached};
 use numpy::{PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
+use smaclite_engine::Rules;
 use smaclite_ipc::{Client, ClientError, LaneDescription, Supervisor, WaitOptions, lane_scenario};
 use smaclite_pool::Rejection;
 use smaclite_pool::layout::Layout;
@@ -83,6 +84,11 @@ impl Envs {
 
     pub fn layout(&self) -> &Layout {
         &self.layout
+    }
+
+    /// The rules of its battles.
+    pub fn rules(&self) -> PyResult<Rules> {
+        self.description.rules.parse().map_err(invalid_request)
     }
 
     /// The scenario of the lane, for which an attached client asks the pool.

@@ -7,7 +7,7 @@ use crate::errors::invalid_request;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use smaclite_engine::policy::Scripted;
-use smaclite_engine::{Arena, Faction, Rules, Sizes};
+use smaclite_engine::{Arena, Faction, Sizes};
 use smaclite_pool::fields::Field;
 use std::sync::{Mutex, PoisonError};
 
@@ -83,7 +83,7 @@ impl ScriptedPolicy {
                 "scripted policies need the fields `{state}` and `{masks}`, but this lane omits `{missing}`"
             )));
         }
-        let rules = envs.lane_description().rules.parse::<Rules>().map_err(invalid_request)?;
+        let rules = envs.rules()?;
         let arena = Arena::new(&envs.scenario_of_lane(py)?, rules);
         Ok(ScriptedPolicy { name, side, fields, arena, scripted: Mutex::new(scripted) })
     }

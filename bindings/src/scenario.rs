@@ -6,7 +6,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::{Value, json};
 use smaclite_engine::{
-    FeatureBlock, SIGHT_RANGE, action_names, feature_bounds, obs_features, state_features,
+    Arena, FeatureBlock, Rules, SIGHT_RANGE, action_names, feature_bounds, obs_features, state_features,
 };
 use smaclite_scenarios::{Faction, Scenario, Terrain};
 use smaclite_units::{Plane, Targeter, UnitType};
@@ -14,7 +14,8 @@ use smaclite_units::{Plane, Targeter, UnitType};
 /// Return everything about a scenario that never changes.
 ///
 /// Args:
-///     scenario: name of a standard scenario, path of a scenario file, or environments, for their scenario.
+///     scenario: name of a standard scenario, path of a scenario file, or environments, for their scenario
+///         and its figures under their rules; those of a name are SMAClite's.
 ///
 /// Returns:
 ///     A dict with `name`, `width` and `height` (squares), `walkable` (rows of booleans, the southern row
@@ -26,21 +27,24 @@ use smaclite_units::{Plane, Targeter, UnitType};
 ///         divided), `actions` (the names of an agent's actions), `allies`, `enemies`, `obs_layout` and
 ///         `state_layout`. `allies` and `enemies` are lists of dicts, by id, each with `unit_type`, `type_id`
 ///         (index in the one-hot), `position` ([x, y] at the start), `radius` (squares), `hp`, `shield`,
-///         `energy` (maxima), `cooldown` (s), `healer`, `plane`, `targets` (planes that it can attack or
-///         heal) and `targeter`. `obs_layout` and `state_layout` are lists of dicts, the parts of an
-///         observation and of the state in order, each with `name`, `start` (index of its first feature),
-///         `shape` ([features], or [units, features]), `features` (their names), and `low` and `high` (their
-///         least and greatest values).
+///         `energy` (maxima), `cooldown` and `max_cooldown` (s; the state has cooldowns divided by the
+///         second), `healer`, `plane`, `targets` (planes that it can attack or heal) and `targeter`.
+///         `obs_layout` and `state_layout` are lists of dicts, the parts of an observation and of the state
+///         in order, each with `name`, `start` (index of its first feature), `shape` ([features], or [units,
+///         features]), `features` (their names), and `low` and `high` (their least and greatest values).
 ///
 /// Raises:
 ///     ScenarioError: the scenario is unknown, or its file or a unit file is invalid.
 #[pyfunction]
 #[pyo3(signature = (scenario))]
 pub fn scenario<'py>(py: Python<'py>, scenario: ScenarioArg<'py>) -> PyResult<Bound<'py, PyDict>> {
-    to_dict(py, &described(&scenario.resolve(py)?))
+    let rules = scenario.rules()?;
+    to_dict(py, &described(&scenario.resolve(py)?, rules))
 }
 
-fn described(scenario: &Scenario) -> Value {
+fn described(scenario: &Scenario, rules: Rules) -> Value {
+    let arena = Arena::new(scenario, rules);
+    let scenario = &*rules.figures(scenario);
     json!({
         "name": scenario.name,
         "width": scenario.terrain.width(),
@@ -54,8 +58,8 @@ fn described(scenario: &Scenario) -> Value {
         "teams_are_drawn": scenario.draws_teams(),
         "unit_types": unit_types(scenario),
         "actions": action_names(scenario),
-        "allies": units(scenario, Faction::Ally),
-        "enemies": units(scenario, Faction::Enemy),
+        "allies": units(scenario, &arena, Faction::Ally),
+        "enemies": units(scenario, &arena, Faction::Enemy),
         "obs_layout": layout(scenario, &obs_features(scenario)),
         "state_layout": layout(scenario, &state_features(scenario)),
     })
@@ -81,19 +85,23 @@ fn unit_types(scenario: &Scenario) -> Vec<Value> {
         .collect()
 }
 
-fn units(scenario: &Scenario, faction: Faction) -> Vec<Value> {
-    let side = scenario.units.iter().filter(|unit| unit.faction == faction);
-    side.map(|unit| {
+fn units(scenario: &Scenario, arena: &Arena, faction: Faction) -> Vec<Value> {
+    let side = scenario.units.iter().enumerate().filter(|(_, unit)| unit.faction == faction);
+    side.map(|(id, unit)| {
         let stats = &scenario.unit_types[unit.unit_type];
+        // SMACv2's interface leaves the random delay out.
+        let is_whole = scenario.smacv2.is_none();
+        let max_cooldown = if is_whole { stats.greatest_cooldown() } else { stats.cooldown };
         json!({
             "unit_type": stats.name,
             "type_id": scenario.type_ids[unit.unit_type],
-            "position": unit.position,
+            "position": if arena.rules() == Rules::Starcraft { arena.start(id) } else { unit.position },
             "radius": stats.radius(),
             "hp": stats.hp,
             "shield": stats.shield,
             "energy": stats.energy,
             "cooldown": stats.cooldown,
+            "max_cooldown": max_cooldown,
             "healer": stats.is_healer(),
             "plane": stats.plane.to_string(),
             "targets": targets(stats),

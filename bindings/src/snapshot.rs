@@ -8,8 +8,8 @@ use pyo3::exceptions::{PyKeyError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use smaclite_engine::{
-    Arena, COLUMNS, Column, ColumnAxis, ColumnSpec, Opponent, RecordLayout, RecordSizes, Sides, Snapshot,
-    SnapshotError,
+    Arena, COLUMNS, Column, ColumnAxis, ColumnSpec, Opponent, RecordLayout, RecordSizes, Rules, Sides,
+    Snapshot, SnapshotError,
 };
 use smaclite_scenarios::Scenario;
 use smaclite_units::file::{did_you_mean, shortened};
@@ -126,6 +126,18 @@ fn layout_of(columns: &Bound<'_, PyDict>, scenario: &Scenario) -> PyResult<Recor
             given.0,
             given.1,
             sizes.n_past
+        )));
+    }
+    let n_units = scenario.n_agents() + scenario.n_enemies();
+    let perception = Arena::new(scenario, Rules::default()).sizes().perception_size;
+    if sizes.n_perception != perception {
+        let given = sizes.n_perception;
+        return Err(invalid_request(format!("column `n_perception` must be {perception}, got {given}")));
+    }
+    if ![0, n_units].contains(&sizes.n_phases) {
+        return Err(invalid_request(format!(
+            "column `n_phases` must be {n_units} under rules `starcraft` and 0 under others, got {}",
+            sizes.n_phases
         )));
     }
     Ok(RecordLayout::new(sizes))

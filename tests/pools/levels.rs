@@ -193,7 +193,7 @@ fn after_a_refused_request_the_lane_and_its_learner_agree() {
         step(&mut client, 0);
         refuse(&mut client, &bad);
         let error = client.recv(wait()).err().expect("nothing is outstanding").to_string();
-        assert!(error.starts_with("nothing to receive: 0 results are outstanding"), "{error}");
+        assert!(error.contains(", 0 are outstanding"), "{error}");
         (0..3).for_each(|env| step(&mut client, env));
         refuse(&mut client, &bad);
         (2..4).for_each(|env| step(&mut client, env));

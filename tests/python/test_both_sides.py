@@ -42,6 +42,13 @@ def test_the_enemies_have_fields_of_their_own() -> None:
         assert "enemy_obs" not in envs.spec.fields and envs.spec.enemy_obs_size == 0
 
 
+def test_the_field_of_a_side_that_is_not_played_names_the_setting() -> None:
+    """The advice was to add it to `fields`, which had been done."""
+    with sp.make("3m", 2, fields=["obs", "enemy_obs"]) as envs:
+        with pytest.raises(AttributeError, match='do not include `enemy_obs`; with sides="both", add it'):
+            _ = envs.reset().enemy_obs
+
+
 def test_scripts_play_either_side() -> None:
     """focus_fire beats random on both sides of a symmetric map."""
     with sp.make("3s5z", num_envs=16, sides="both", mirror=True) as envs:

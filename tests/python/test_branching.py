@@ -313,3 +313,48 @@ def test_what_no_battle_has_is_refused_and_says_what_differs() -> None:
             sp.errors.InvalidRequest, match="of rules `paper`, and the battle has rules `smaclite`"
         ):
             plain.reset(snapshots=paper.reset(seed=1).snapshot.copy())
+
+
+@pytest.mark.parametrize(
+    ("column", "value"),
+    [("n_perception", 2**32 - 1), ("n_phases", 2**32 - 1), ("episode_length", 2**31)],
+)
+def test_a_count_that_no_battle_has_is_refused(column: str, value: int) -> None:
+    """Memory for the count was taken before it was checked, which ended the process."""
+    with sp.make("3m", 1, fields=["snapshot"]) as envs:
+        columns = sp.snapshot_columns(envs.reset(seed=1).snapshot[0])
+        wrong = np.array(value, columns[column].dtype)
+        with pytest.raises(sp.errors.InvalidRequest, match=column):
+            sp.pack_snapshot({**columns, column: wrong}, envs)
+
+
+def test_a_battle_that_is_restored_at_its_end_has_ended() -> None:
+    """All agents were alive, and the next step was an error."""
+    env = parallel_env("3m", episode_limit=2)
+    env.reset(seed=1)
+    for _ in range(2):
+        env.step(dict.fromkeys(env.agents, 1))
+    env.restore(env.save())
+    assert env.agents == []
+    with pytest.raises(sp.errors.InvalidRequest, match="the battle has ended"):
+        env.step({})
+    env.close()
+
+
+@pytest.mark.parametrize("served", [False, True])
+def test_a_refusal_is_told_before_that_nothing_will_come(served: bool, serve: Serve) -> None:
+    """`recv` counted results that a refused request would never have, and the environment stayed at work."""
+    if served:
+        serve("3m:6", "--name", "few", "--batch-size", "2")
+    with sp.connect("few") if served else sp.make("3m", 6, batch_size=2) as envs:
+        envs.reset(seed=1)
+        envs.recv()
+        envs.recv()
+        for _ in range(2):
+            with pytest.raises(sp.errors.IllegalAction, match="action 8"):
+                envs.step(np.full((1, 3), 8), [1])
+        envs.send(np.ones((1, 3), np.int32), [1])
+        with pytest.raises(sp.errors.InvalidRequest, match="of the 2 results of a batch, 1 are outstanding"):
+            envs.recv(timeout=0.5)
+        envs.send(np.ones((1, 3), np.int32), [2])
+        assert sorted(envs.recv().env_id) == [1, 2]

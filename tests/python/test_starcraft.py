@@ -6,14 +6,17 @@ import json
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import pytest
 import smaclite_pool as sp
+from smaclite_pool._layout import field_bounds
+from smaclite_pool.marl import smac
 
 from conftest import Serve, replayed
 
+Rules: TypeAlias = Literal["smaclite", "starcraft"]
 FIELDS = ["obs", "state", "avail_actions", "alive", "snapshot"]
 
 
@@ -79,3 +82,68 @@ def test_replays_and_runs_name_the_version_and_play_again(tmp_path: Path) -> Non
     with sp.make("3m", 4, **team.settings) as envs:
         assert envs.spec.rules == "starcraft-1"
         assert len(sp.evaluate(envs, team, episodes=4, seed=1)) == 4
+
+
+@pytest.mark.parametrize("scenario", ["3m", "corridor"])
+def test_a_script_plays_the_enemies_of_both_sides(scenario: str) -> None:
+    """The sizes of the enemies lacked the phases of attacks, so that every batch was one of another lane."""
+    with sp.make(scenario, 4, rules="starcraft", sides="both") as envs:
+        batch = envs.reset(seed=1)
+        agents = sp.ScriptedPolicy("nearest", envs)
+        enemies = sp.ScriptedPolicy("nearest", envs, side="enemies")
+        for _ in range(20):
+            batch = envs.step(np.concatenate([agents(batch), enemies(batch)], axis=1))
+        assert batch.episode_return.any()
+
+
+@pytest.mark.parametrize("rules", ["smaclite", "starcraft"])
+@pytest.mark.parametrize("scenario", ["2s3z", "2s_vs_1sc", "protoss_5_vs_5"])
+def test_the_described_scenario_is_that_of_the_rules(scenario: str, rules: Rules) -> None:
+    """Starts were 2 squares off, and cooldowns were those of SMAClite."""
+    with sp.make(scenario, 8, rules=rules, seed=1, fields=[*FIELDS, "final_state"]) as envs:
+        told = sp.scenario(envs)
+        batch = envs.reset()
+        units = told["allies"] + told["enemies"]
+        if not told["teams_are_drawn"]:
+            starts = sp.snapshot_columns(batch.snapshot[0])["pos"]
+            np.testing.assert_allclose([unit["position"] for unit in units], starts, atol=1e-6)
+        low, high = field_bounds(envs)["state"]
+        allies = next(part for part in told["state_layout"] if part["name"] == "allies")
+        at = allies["features"].index("energy/cooldown")
+        # Where teams are drawn, the environments have other units.
+        scales = None if told["teams_are_drawn"] else [unit["max_cooldown"] for unit in told["allies"]]
+        for _ in range(60):
+            batch = envs.step(envs.sample_actions())
+            assert (batch.state >= low).all() and (batch.state <= high).all()
+            if scales is not None:
+                rows = batch.state[0][allies["start"] :][: np.prod(allies["shape"])].reshape(allies["shape"])
+                columns = sp.snapshot_columns(batch.snapshot[0])
+                alive = columns["alive"][: len(scales)].astype(bool)
+                left = columns["cooldown"][: len(scales)][alive]
+                np.testing.assert_allclose((rows[:, at] * scales)[alive], left, atol=1e-5)
+
+
+def test_the_units_of_the_interface_of_smac_have_the_cooldowns_of_the_rules() -> None:
+    """The cooldown that was left was 30 % too short."""
+    env = smac.MultiAgentEnv("2s3z", rules="starcraft", seed=1)
+    env.reset()
+    for _ in range(30):
+        env.step([int(np.flatnonzero(mask)[-1]) for mask in env.get_avail_actions()])
+        left = sp.snapshot_columns(env._battle.last.snapshot)["cooldown"][0]
+        if left > 0:
+            break
+    assert left > 0 and env.get_unit_by_id(0).weapon_cooldown == pytest.approx(left, abs=1e-5)
+    env.close()
+
+
+def test_a_snapshot_of_other_rules_is_refused_for_its_rules() -> None:
+    """The reason that was given was an option of `smacv2`, which neither had."""
+    snapshots = {}
+    both: tuple[Rules, Rules] = ("smaclite", "starcraft")
+    for rules in both:
+        with sp.make("3m", 1, rules=rules, fields=["snapshot"]) as envs:
+            snapshots[rules] = envs.reset(seed=1).snapshot.copy()
+    for rules, other in (both, both[::-1]):
+        with sp.make("3m", 1, rules=rules, fields=["snapshot"]) as envs:
+            with pytest.raises(sp.errors.InvalidRequest, match="one has rules `starcraft`"):
+                envs.reset(snapshots=snapshots[other])

@@ -71,11 +71,11 @@ class StateBlocks(NamedTuple):
 class ScenarioLayout:
     """A scenario's units, its map, and the layout of its observations and state.
 
-    `name` is a standard scenario or a path, as in `smaclite_pool.make`.
+    It is that of environments, with the figures of their rules, or one by its name or path.
     """
 
-    def __init__(self, name: str | PathLike[str]) -> None:
-        self.info = scenario(name)
+    def __init__(self, of: Envs | str | PathLike[str]) -> None:
+        self.info = scenario(of)
         self.allies = self.info["allies"]
         self.enemies = self.info["enemies"]
         self.n_agents = len(self.allies)

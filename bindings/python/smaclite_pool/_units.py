@@ -94,8 +94,8 @@ class UnitsView:
             shield_max=stats["shield"],
             energy=energy_or_cooldown * stats["energy"] if stats["healer"] else 0.0,
             energy_max=stats["energy"],
-            weapon_cooldown=0.0 if stats["healer"] else energy_or_cooldown * stats["cooldown"],
-            weapon_cooldown_max=stats["cooldown"],
+            weapon_cooldown=0.0 if stats["healer"] else energy_or_cooldown * stats["max_cooldown"],
+            weapon_cooldown_max=stats["max_cooldown"],
             radius=stats["radius"],
             is_healer=stats["healer"],
         )

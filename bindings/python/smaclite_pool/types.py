@@ -52,6 +52,9 @@ class UnitStats(TypedDict):
     """Maximum of its energy, 0 for none."""
     cooldown: float
     """Seconds between two attacks."""
+    max_cooldown: float
+    """The greatest number of seconds until it can attack, by which `energy/cooldown` of the state is
+    divided."""
     healer: bool
     """Whether it heals and does not attack."""
     plane: Literal["GROUND", "AIR", "COLOSSUS"]

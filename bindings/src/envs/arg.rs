@@ -6,6 +6,7 @@ use crate::errors::class;
 use pyo3::exceptions::PyTypeError;
 use pyo3::intern;
 use pyo3::prelude::*;
+use smaclite_engine::Rules;
 use smaclite_scenarios::Scenario;
 use std::path::{Path, PathBuf};
 
@@ -57,6 +58,14 @@ impl<'py> FromPyObject<'_, 'py> for ScenarioArg<'py> {
 }
 
 impl ScenarioArg<'_> {
+    /// The rules of environments, or the default.
+    pub fn rules(&self) -> PyResult<Rules> {
+        match self {
+            ScenarioArg::Envs(envs) => envs.0.get().rules(),
+            ScenarioArg::Scenario(_) => Ok(Rules::default()),
+        }
+    }
+
     /// The scenario; other Python threads run while it is read.
     pub fn resolve(self, py: Python<'_>) -> PyResult<Scenario> {
         match self {

@@ -290,7 +290,7 @@ fn slot_of(env: i64, in_batch: &[i32], num_envs: usize) -> PyResult<usize> {
 
 /// A renderer of a lane's scenario.
 fn default_renderer(py: Python<'_>, envs: &Envs, is_sheet: bool) -> PyResult<Renderer> {
-    let scenario = envs.scenario_of_lane(py)?;
+    let scenario = envs.rules()?.figures(&envs.scenario_of_lane(py)?).into_owned();
     let default = Options::default();
     let cell = Options { width: SHEET_CELL, height: SHEET_CELL, ..default };
     py.detach(|| Renderer::of(scenario, if is_sheet { cell } else { default })).map_err(invalid_request)

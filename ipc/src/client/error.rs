@@ -80,7 +80,7 @@ pub enum ClientError {
     )]
     TooManyHeld { limit: usize },
     #[error(
-        "nothing to receive: {outstanding} results are outstanding, a batch takes {batch_size}; send \
+        "nothing to receive: of the {batch_size} results of a batch, {outstanding} are outstanding; send \
          actions first"
     )]
     NothingToReceive { outstanding: usize, batch_size: usize },

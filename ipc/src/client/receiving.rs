@@ -13,6 +13,9 @@ use smaclite_pool::{Deadline, LocalLearner, Rejection};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
+/// How long another process may take to refuse a request, before `recv` says that nothing will come.
+const REFUSAL_TIMEOUT: Duration = Duration::from_millis(100);
+
 impl AttachedLane {
     /// Waits for the next batch. The timeout counts from `begin`.
     pub(super) fn recv(
@@ -21,13 +24,29 @@ impl AttachedLane {
         wait: &mut WaitOptions<'_>,
     ) -> Result<Arc<Batch>, ClientError> {
         let (outstanding, batch_size) = (self.outstanding.results(), self.description.settings.batch_size);
-        if outstanding < batch_size {
-            return Err(ClientError::NothingToReceive { outstanding, batch_size });
-        }
-        let sample = self.wait_for_batch(begin, wait)?;
+        let sample = if outstanding < batch_size {
+            let nothing = ClientError::NothingToReceive { outstanding, batch_size };
+            self.wait_for_refusal()?.ok_or(nothing)?
+        } else {
+            self.wait_for_batch(begin, wait)?
+        };
         let batch = Batch::new(sample, Arc::clone(&self.layout), Arc::clone(&self.ports.frames));
         self.outstanding.received(batch.env_id());
         Ok(Arc::clone(self.newest.insert(Arc::new(batch))))
+    }
+
+    /// Of requests that are too few for a batch, one may be refused, which says more than their number.
+    fn wait_for_refusal(&mut self) -> Result<Option<FrameSample>, ClientError> {
+        let begin = Instant::now();
+        loop {
+            let received = self.receive()?;
+            // In this process it is refused when it is sent.
+            let is_possible = self.local.is_none() && self.outstanding.results() > 0;
+            if received.is_some() || !is_possible || begin.elapsed() > REFUSAL_TIMEOUT {
+                return Ok(received);
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
     }
 
     fn wait_for_batch(

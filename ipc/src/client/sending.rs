@@ -117,6 +117,8 @@ impl AttachedLane {
                  enemies can need more of them)",
                 given.n_past, expected.n_past
             )
+        } else if given.n_phases != expected.n_phases {
+            "of the two battles one has rules `starcraft`, and the other has not".to_owned()
         } else {
             "they are of battles with other options of `smacv2`".to_owned()
         })

@@ -165,10 +165,17 @@ impl Arena {
             scenario_hash,
         };
         if rules == Rules::Starcraft {
-            arena.sizes.n_phases = units.len();
+            for sizes in [&mut arena.sizes, &mut arena.enemy_sizes] {
+                sizes.n_phases = units.len();
+            }
         }
         arena.set_types(units.iter().map(|unit| unit.unit_type as u32));
         arena
+    }
+
+    /// Where a unit of the scenario begins, in squares, unless its episodes draw that.
+    pub fn start(&self, unit: usize) -> [f64; 2] {
+        self.starts[unit].as_dvec2().into()
     }
 
     /// The numbers of units and actions of a battle, and the sizes of its outputs.

@@ -16,7 +16,8 @@ type Bounds = [f64; 2];
 
 /// The least and the greatest value of each feature of a block of
 /// [`obs_features`](crate::obs_features) or [`state_features`](crate::state_features). Values that a lane
-/// appends, as last actions, are 0 or 1.
+/// appends, as last actions, are 0 or 1. The unit types of the scenario are those of
+/// [`Rules::figures`](crate::Rules::figures).
 pub fn feature_bounds(scenario: &Scenario, block: &FeatureBlock) -> Vec<[f32; 2]> {
     let mut of_agents = None;
     let bounds = |name: &String| {
@@ -53,6 +54,12 @@ fn bounds_of(scenario: &Scenario, name: &str) -> Bounds {
         "distance" | "dx" | "dy" => {
             let farthest = shows_all(scenario).map_or(1.0, |sight| (high - low).length() / sight);
             [-farthest, farthest]
+        }
+        // SMACv2's interface divides by the cooldown alone, to which rules can add a random delay.
+        "energy/cooldown" if scenario.smacv2.is_some() => {
+            let types = scenario.unit_types.iter().filter(|unit_type| unit_type.cooldown > 0.0);
+            let shares = types.map(|unit_type| unit_type.greatest_cooldown() / unit_type.cooldown);
+            [-1.0, shares.fold(1.0, f64::max)]
         }
         // As a share of what is above the agent's level, which is negative below it.
         "health" => {

@@ -206,6 +206,14 @@ pub enum SnapshotError {
         /// The greatest possible one.
         max: f64,
     },
+    /// A length that fields cannot say.
+    #[error("snapshot column 'episode_length' must be at most {max}, got {value}")]
+    Length {
+        /// The length.
+        value: u32,
+        /// The greatest possible one.
+        max: u32,
+    },
 }
 
 impl Snapshot {

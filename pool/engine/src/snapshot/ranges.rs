@@ -109,6 +109,10 @@ impl Snapshot {
                 return Err(SnapshotError::OutOfRange { column, unit: arena.place(id), value, min, max });
             }
         }
+        let (value, max) = (self.episode_length, i32::MAX.cast_unsigned());
+        if value > max {
+            return Err(SnapshotError::Length { value, max });
+        }
         let value = self.episode_return;
         if value.abs() <= MAX_RETURN { Ok(()) } else { Err(SnapshotError::Return { value, max: MAX_RETURN }) }
     }

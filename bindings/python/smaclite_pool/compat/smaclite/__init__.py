@@ -85,7 +85,7 @@ class SMACliteEnv(BattleEnv):
         self, scenario: str | PathLike[str], envs: Envs
     ) -> tuple[spaces.Space[Any], spaces.Space[Any]]:
         spec = envs.spec
-        self._layout = ScenarioLayout(scenario)
+        self._layout = ScenarioLayout(envs)
         allies = self._layout.allies
         n_targets = [spec.n_agents - 1 if unit["healer"] else spec.n_enemies for unit in allies]
         boxes = [spaces.Box(-1.0, 1.0, (spec.obs_size,), np.float32) for _ in allies]

@@ -144,20 +144,6 @@ class MultiAgentEnv(Queries, Details):
             "state_last_action": state_last_action,
             "state_timestep_number": state_timestep_number,
         }
-        self._views = Views(
-            map_name,
-            ViewOptions(
-                all_health=obs_all_health,
-                own_health=obs_own_health or obs_all_health,
-                last_action=obs_last_action,
-                pathing_grid=obs_pathing_grid,
-                terrain_height=obs_terrain_height,
-                timestep_number=obs_timestep_number,
-                instead_of_state=obs_instead_of_state,
-                state_last_action=state_last_action,
-                state_timestep_number=state_timestep_number,
-            ),
-        )
         rewards: dict[str, bool | float] = {
             "reward_sparse": reward_sparse,
             "reward_only_positive": reward_only_positive,
@@ -171,7 +157,6 @@ class MultiAgentEnv(Queries, Details):
         self._options |= rewards
         self.continuing_episode = continuing_episode
         self.heuristic_ai, self.heuristic_rest, self.debug = heuristic_ai, heuristic_rest, debug
-        self._heuristic = Heuristic(self._views.layout)
         self.replay_dir, self.replay_prefix = replay_dir or "", replay_prefix or ""
         self.window_size = (window_size_x, window_size_y)
         self._viewer = BattleViewer(map_name, *self.window_size, speed=render_speed)
@@ -184,6 +169,21 @@ class MultiAgentEnv(Queries, Details):
             "rewards": changed_rewards(rewards),
         }
         self._battle = SingleBattle(map_name, settings)
+        self._views = Views(
+            self._battle.envs,
+            ViewOptions(
+                all_health=obs_all_health,
+                own_health=obs_own_health or obs_all_health,
+                last_action=obs_last_action,
+                pathing_grid=obs_pathing_grid,
+                terrain_height=obs_terrain_height,
+                timestep_number=obs_timestep_number,
+                instead_of_state=obs_instead_of_state,
+                state_last_action=state_last_action,
+                state_timestep_number=state_timestep_number,
+            ),
+        )
+        self._heuristic = Heuristic(self._views.layout)
         spec = self._battle.envs.spec
         self.n_agents, self.n_enemies, self.n_actions = spec.n_agents, spec.n_enemies, spec.n_actions
         self.episode_limit = spec.episode_limit

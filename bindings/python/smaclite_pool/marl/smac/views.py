@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from os import PathLike
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..._layout import Bools, FeatureBlock, Floats, ScenarioLayout
+from ..._native import Envs
 from ..._units import UnitsView
 from ...errors import InvalidRequest
 
@@ -38,8 +38,8 @@ class ViewOptions:
 class Views:
     """Observations and state of one battle with these options."""
 
-    def __init__(self, scenario: str | PathLike[str], options: ViewOptions) -> None:
-        self.layout = ScenarioLayout(scenario)
+    def __init__(self, envs: Envs, options: ViewOptions) -> None:
+        self.layout = ScenarioLayout(envs)
         self.units = UnitsView(self.layout)
         self.options = options
         n_agents = self.layout.n_agents
