@@ -67,8 +67,8 @@ struct Record {
     /// A standard scenario or a scenario file, for a scripted policy
     #[arg(long, value_name = "MAP", add = completions::scenario())]
     scenario: Option<String>,
-    /// Rules of the battles of a scripted policy: smaclite (as the published environment plays) or paper (as
-    /// its paper describes) [default: smaclite]
+    /// Rules of the battles of a scripted policy: smaclite (as the published environment plays), paper (as
+    /// its paper describes) or starcraft (nearer to the real battles) [default: smaclite]
     #[arg(long, requires = "scenario")]
     rules: Option<Rules>,
     /// Who plays the enemies: attack_move, attack_nearest or a scripted policy; or several with weights, such

@@ -103,17 +103,13 @@ impl Evaluate {
         };
         let mut stop = || interrupted.load(Ordering::Relaxed);
         let result = evaluate(&self.folder, evaluation, &runtime_dir()?, &mut stop, &mut on_event)?;
-        printed?;
         recorded?;
-        if json {
-            print_json(&result)?;
-        } else {
-            print_text(&result)?;
+        let printed = printed.and_then(|()| if json { print_json(&result) } else { print_text(&result) });
+        // The file does not depend on who reads the output.
+        if let Some((recording, file)) = recording.zip(self.record) {
+            recording.write(&file, json || printed.is_err())?;
         }
-        match recording.zip(self.record) {
-            Some((recording, file)) => recording.write(&file, json),
-            None => Ok(()),
-        }
+        printed
     }
 }
 

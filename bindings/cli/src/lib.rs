@@ -62,7 +62,7 @@ use smaclite_ipc::{RuntimeDir, RuntimeDirError};
 use smaclite_units::file::{printable_text, without_os_errors};
 use std::error::Error;
 use std::ffi::{OsStr, OsString};
-use std::io::Write;
+use std::io::{IsTerminal, Write};
 use std::ops::RangeInclusive;
 use tracing_subscriber::filter::Targets;
 use tracing_subscriber::layer::{Layer, SubscriberExt};
@@ -221,7 +221,8 @@ fn is_broken_pipe(error: &(dyn Error + 'static)) -> bool {
 }
 
 fn log_to_stderr(filter: Targets) {
-    let lines = tracing_subscriber::fmt::layer().with_writer(std::io::stderr).with_filter(filter);
+    let layer = tracing_subscriber::fmt::layer().with_writer(std::io::stderr);
+    let lines = layer.with_ansi(std::io::stderr().is_terminal()).with_filter(filter);
     // A second run in one process, as from Python, keeps the first subscriber.
     let _ = tracing_subscriber::registry().with(lines).try_init();
 }

@@ -70,15 +70,18 @@ pub(super) struct Record {
 /// How often a running pool is read.
 const READ_INTERVAL: Duration = Duration::from_millis(50);
 
+/// Why a recording is not complete, if it is not.
+type WhyEarly = Option<Box<dyn Error>>;
+
 impl Record {
     pub(super) fn run(self) -> CommandResult {
         replay::check_suffix("--out", &self.out)?;
-        let (recorded, is_interrupted) = match &self.pool {
+        let (recorded, why_early) = match &self.pool {
             Some(pool) => self.follow(pool)?,
-            None => (self.play()?, false),
+            None => (self.play()?, None),
         };
         replay::print_recorded(&recorded, &self.out)?;
-        if is_interrupted { Err(Interrupted.into()) } else { Ok(()) }
+        why_early.map_or(Ok(()), Err)
     }
 
     /// Plays and writes the episodes of a scripted policy.
@@ -144,8 +147,8 @@ impl Record {
     }
 
     /// Follows environments of a running pool, and writes what they did also if the pool ends, or a signal
-    /// ends the recording, which is the second value.
-    fn follow(&self, pool: &str) -> Result<(Replay, bool), Box<dyn Error>> {
+    /// ends the recording.
+    fn follow(&self, pool: &str) -> Result<(Replay, WhyEarly), Box<dyn Error>> {
         let interrupted = interrupt_flag()?;
         let env_ids = if self.env.is_empty() { &[0][..] } else { &self.env };
         let mut is_interrupted = || interrupted.load(Ordering::Relaxed);
@@ -153,14 +156,15 @@ impl Record {
         let lane = self.lane.as_deref();
         let mut recorder = PoolRecorder::connect(&runtime_dir()?, pool, lane, env_ids, self.episodes, wait)?;
         let is_complete = |recorder: &PoolRecorder| recorder.n_complete() >= self.episodes as u64;
-        while !is_complete(&recorder) && !interrupted.load(Ordering::Relaxed) {
+        let mut why_early: WhyEarly = None;
+        while !is_complete(&recorder) && why_early.is_none() {
             std::thread::sleep(READ_INTERVAL);
             match recorder.read(WaitOptions::interrupted_by(&mut is_interrupted)) {
                 Ok(()) | Err(ClientError::Control(ControlSocketError::Interrupted { .. })) => {}
-                Err(error) => {
-                    err!("smaclite-pool: {error}");
-                    break;
-                }
+                Err(error) => why_early = Some(error.into()),
+            }
+            if interrupted.load(Ordering::Relaxed) {
+                why_early.get_or_insert(Interrupted.into());
             }
         }
         if recorder.n_missing() > 0 {
@@ -169,13 +173,13 @@ impl Record {
                 recorder.n_missing()
             );
         }
-        let is_interrupted = !is_complete(&recorder) && interrupted.load(Ordering::Relaxed);
-        let recorded = recorder.replay(!is_complete(&recorder))?;
+        let is_early = !is_complete(&recorder);
+        let recorded = recorder.replay(is_early)?;
         if recorded.episodes().is_empty() {
             return Err("no episode began while the pool was recorded".into());
         }
         recorded.write(&self.out)?;
-        Ok((recorded, is_interrupted))
+        Ok((recorded, why_early.filter(|_| is_early)))
     }
 }
 

@@ -27,7 +27,8 @@ pub fn adapt_team(
     std::fs::create_dir_all(to).map_err(|source| FileError::Write { path: to.to_owned(), source })?;
     write_actor(&to.join(WEIGHTS), &actor)?;
     // Nothing was trained on this map, and evaluations are those of the run.
-    let config = Config { network: NetworkKind::Units, evaluate_every: None, ..run.config };
+    let (evaluate_every, map_weights) = (None, Vec::new());
+    let config = Config { network: NetworkKind::Units, evaluate_every, map_weights, ..run.config };
     // The description last: a folder without it is not a run.
     Ok(write_description(to, &config, &run.setup, &[])?)
 }

@@ -7,7 +7,7 @@ use crate::config::Enemies;
 use crate::description::{OtherMap, RunDescription, Weights, read_rival, read_team_of};
 use crate::enemy_actor::{BothActors, Teams};
 use crate::lane_error::LaneError;
-use crate::lanes::{LaneBatch, Lanes};
+use crate::lanes::{LaneBatch, Lanes, with_an_end};
 use crate::league::League;
 use crate::policy::Choice;
 use crate::random::Purpose;
@@ -56,13 +56,14 @@ impl Evaluation {
         }
     }
 
-    /// What the team of a run plays.
+    /// What the team of a run plays. Its episodes [end](with_an_end).
     pub fn setup(&self, run: &RunDescription) -> BattleSetup {
+        let setup = with_an_end(run.setup.clone());
         if let Some(folder) = &self.opponent_team {
-            return Enemies::Team { folder: folder.clone() }.setup(&run.setup);
+            return Enemies::Team { folder: folder.clone() }.setup(&setup);
         }
-        let opponents = self.opponents.clone().unwrap_or(run.setup.opponents.clone());
-        BattleSetup { opponents, ..run.setup.clone() }
+        let opponents = self.opponents.clone().unwrap_or(setup.opponents.clone());
+        BattleSetup { opponents, ..setup }
     }
 }
 

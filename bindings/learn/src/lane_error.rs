@@ -8,7 +8,7 @@ use smaclite_scenarios::Problems;
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // the messages say it
 pub enum LaneError {
-    #[error("lane `{lane}` does not serve the field `{field}`; serve it with all fields")]
+    #[error("lane `{lane}` does not serve the field `{field}`; name it among the `--fields` of `serve`")]
     MissingField { lane: String, field: &'static str },
     #[error(
         "lane `{lane}` has autoreset_mode `{given}`, but a team plays with `NextStep`, the default of `serve`"

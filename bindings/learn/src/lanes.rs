@@ -27,6 +27,16 @@ const TIMEOUT: Duration = Duration::from_secs(120);
 /// Steps of an episode in a scenario without a limit: units that stay apart would never end it.
 const DEFAULT_LIMIT: u32 = 1000;
 
+/// The same battles, whose episodes end after 1000 steps if they have no limit, as those of a pool can have
+/// none: for what plays whole episodes.
+pub fn with_an_end(setup: BattleSetup) -> BattleSetup {
+    let episode_limit = match setup.episode_limit {
+        EpisodeLimit::None => EpisodeLimit::Steps(DEFAULT_LIMIT),
+        limit => limit,
+    };
+    BattleSetup { episode_limit, ..setup }
+}
+
 /// The setup of a standard scenario or a scenario file. Without an episode limit, its episodes end after 1000
 /// steps.
 ///
@@ -306,6 +316,11 @@ impl Lanes {
         interrupted: &mut dyn FnMut() -> bool,
     ) -> Result<LaneBatch<'_>, ClientError> {
         self.lanes[lane].next_batch(interrupted)
+    }
+
+    /// Whether a run on these lanes can be resumed with the same bits: they serve the field `snapshot`.
+    pub fn are_saved(&self) -> bool {
+        self.lanes.iter().all(|lane| lane.settings.fields.contains(Field::Snapshot))
     }
 
     /// The states of all environments; `None` if a lane does not serve the field `snapshot`.

@@ -86,7 +86,7 @@ pub use evaluations::{
 };
 pub use lane_error::LaneError;
 pub use lane_opponents::{LaneOpponents, LaneOpponentsError};
-pub use lanes::{Lanes, resolve_scenario};
+pub use lanes::{Lanes, resolve_scenario, with_an_end};
 pub use policy::Choice;
 pub use ppo::{Diverged, UpdateStats};
 pub use rollout::Episode;

@@ -449,7 +449,17 @@ impl Train {
     ) -> Result<Lanes, Box<dyn Error>> {
         let Config { num_envs, last_actions, .. } = *config;
         Ok(match &self.pool {
-            Some(pool) => Lanes::attach(setup, runtime_dir, pool, &self.lane, interrupted)?,
+            Some(pool) => {
+                let lanes = Lanes::attach(setup, runtime_dir, pool, &self.lane, interrupted)?;
+                if !lanes.are_saved() {
+                    err!(
+                        "smaclite-pool: warning: pool `{pool}` does not serve the field `snapshot`: where the \
+                         run is resumed, environments begin anew, and it has other bits than one that was not \
+                         interrupted"
+                    );
+                }
+                lanes
+            }
             None => Lanes::start(setup, num_envs, last_actions, (threads - 1).max(1), runtime_dir)?,
         })
     }

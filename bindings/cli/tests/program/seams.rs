@@ -109,3 +109,103 @@ fn teams_of_the_zoo_that_are_named_otherwise_are_hints() {
     check_error(folder, "dataset record kite --scenario 3m --out k.smdata", 2, "--episodes <N>");
     check_error(folder, "train 3m --league-every 5 --out run", 1, "--league-size need --opponent league");
 }
+
+/// The enemies' sizes lacked the phases of attacks that those of the agents have, so a tournament called
+/// equal sides unequal, and `exploit` said so after its whole training.
+#[test]
+fn a_team_of_starcraft_rules_plays_tournaments_and_is_exploited() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    output(folder, &format!("train 3m --rules starcraft --steps 1e2 --out run {SMALL}"));
+    let printed = output(folder, "tournament run kite --episodes 4 --threads 1");
+    assert!(printed.starts_with("3m: 2 players, 4 pairings of 4 episodes"), "{printed}");
+    output(folder, "exploit run --steps 1e2 --seeds 1 --episodes 4");
+}
+
+/// The weights of the maps were written to a run of one map, which nothing could read.
+#[test]
+fn a_team_of_weighted_maps_is_adapted_to_one_and_exploited() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    output(folder, "train --maps 3m=2,8m --steps 1e2 --out team --num-envs 9 --horizon 16 --hidden 8,8");
+    output(folder, "adapt team 8m --out on-8m");
+    output(folder, "evaluate on-8m --episodes 2");
+    output(folder, "exploit team --steps 1e2 --seeds 1 --episodes 2");
+}
+
+/// Evaluations and tournaments played battles without an end, and did not hear Ctrl-C meanwhile.
+#[test]
+fn battles_of_a_pool_without_a_limit_end_where_they_are_evaluated() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let serve = "serve 3m:8 --name endless --episode-limit none --threads 1";
+    let mut pool = program(folder, serve).stdout(Stdio::null()).spawn().expect("the program starts");
+    while !output(folder, "list").contains("endless") {
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    // Greedily, a team that has learnt nothing stands still.
+    let printed =
+        program(folder, "train --pool endless --steps 1e2 --evaluate-every 100 --horizon 16 --out run")
+            .output()
+            .expect("the program starts");
+    assert!(printed.status.success(), "{printed:?}");
+    let warning = String::from_utf8_lossy(&printed.stderr);
+    assert!(warning.contains("does not serve the field `snapshot`"), "{warning}");
+    pool.kill().expect("a pool that runs");
+    pool.wait().expect("an end");
+    output(folder, "tournament run hold --episodes 2 --threads 1");
+    output(folder, "evaluate run --episodes 2 --greedy");
+}
+
+/// The resumption failed, after it had removed the final result; where the file was missing, it was written
+/// anew.
+#[test]
+fn damaged_best_weights_are_written_anew() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    output(folder, &format!("train 3m --steps 600 --evaluate-every 300 --out run {SMALL}"));
+    let best = folder.join("run/best.safetensors");
+    let played = output(folder, "evaluate run --episodes 8 --json");
+    let damaged = fs::read(&best).expect("the best weights")[..60].to_owned();
+    fs::write(&best, damaged).expect("a damaged file");
+    output(folder, "train --resume run --steps 600");
+    assert_eq!(output(folder, "evaluate run --episodes 8 --json"), played);
+    assert!(folder.join("run/final.json").exists());
+}
+
+/// With the status 0 and half of what was asked for, or without the file, when a pipe was closed.
+#[test]
+fn a_recording_that_is_not_complete_says_so_and_one_that_is_asked_for_is_written() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let mut closed = program(folder, "evaluate zoo:3m --json --episodes 500 --record a.smreplay --threads 1");
+    let mut child = closed.stdout(Stdio::piped()).spawn().expect("the program starts");
+    drop(child.stdout.take());
+    child.wait().expect("an end");
+    output(folder, "replay a.smreplay --to a.html");
+
+    let mut pool =
+        program(folder, "serve 3m:4 --name brief --threads 1").stdout(Stdio::null()).spawn().expect("a pool");
+    while !output(folder, "list").contains("brief") {
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    let mut learner = program(folder, "train --pool brief --steps 1e8 --horizon 16 --out run");
+    let mut learner = learner.stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("a learner");
+    let mut record = program(folder, "record --pool brief --episodes 10000 --out b.smreplay");
+    let record = record.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("a recorder");
+    while !catches_interruptions(record.id()) {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    std::thread::sleep(Duration::from_millis(1000)); // some episodes
+    pool.kill().expect("a pool that runs");
+    pool.wait().expect("an end");
+    let done = record.wait_with_output().expect("an end");
+    assert_eq!(done.status.code(), Some(1), "{done:?}");
+    assert!(
+        String::from_utf8_lossy(&done.stderr).contains("the supervisor of pool `brief` is gone"),
+        "{done:?}"
+    );
+    output(folder, "replay b.smreplay --to b.html");
+    learner.wait().expect("an end");
+    output(folder, "clean");
+}

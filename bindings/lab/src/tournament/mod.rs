@@ -13,7 +13,7 @@ use pairing::pairings;
 use serde::Serialize;
 use smaclite_engine::{BattleSetup, Faction, Opponent, Scratch, SidesError};
 use smaclite_learn::battles::{Ended, LOCKSTEP, Pairing, Play, Player};
-use smaclite_learn::{Choice, FileError, TrainedTeam, names_team, parallel};
+use smaclite_learn::{Choice, FileError, TrainedTeam, names_team, parallel, with_an_end};
 use smaclite_scenarios::Problems;
 
 /// Who plays what.
@@ -201,7 +201,7 @@ impl Tournament {
         if players.iter().all(Player::marches) {
             return Err(TournamentError::OnlyMarches);
         }
-        let setup = self.setup(&players)?;
+        let setup = with_an_end(self.setup(&players)?);
         let pairings = pairings(&setup, &players)?;
         let choice = Choice::of(greedy);
         let mut jobs = jobs(&pairings, episodes);

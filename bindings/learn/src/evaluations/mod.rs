@@ -59,13 +59,15 @@ impl Evaluations {
         let Some(every) = run.config.evaluate_every else { return Ok(None) };
         let evaluator = Evaluator::open(folder, run, threads)?;
         let (files, rows) = EvaluationFiles::open(folder, trained_steps)?;
-        // The final episodes are those of the best of all evaluations, so none may be due.
-        if trained_steps < run.config.steps || rows.last().is_none_or(|last| last.steps < run.config.steps) {
-            remove(&FinalResult::path(folder))?;
-        }
+        let total = run.config.steps;
+        let is_due = trained_steps < total || rows.last().is_none_or(|last| last.steps < total);
         let (folder, run) = (folder.to_owned(), run.clone());
         let evaluations = Evaluations { folder, run, every, evaluator, files, rows };
         evaluations.restore_best()?;
+        // The final episodes are those of the best of all evaluations, so none may be due.
+        if is_due {
+            remove(&FinalResult::path(&evaluations.folder))?;
+        }
         Ok(Some(evaluations))
     }
 
@@ -163,7 +165,8 @@ impl Evaluations {
         let path = self.folder.join(BEST);
         let Some(best) = EvaluationRow::best(&self.rows) else { return remove(&path) };
         let kept = self.run.read_actor(&self.files.weights(best.steps))?;
-        if !path.exists() || self.run.read_actor(&path)? != kept {
+        // One that is missing or damaged is written anew.
+        if self.run.read_actor(&path).ok().as_ref() != Some(&kept) {
             write_actor(&path, &kept)?;
         }
         Ok(())

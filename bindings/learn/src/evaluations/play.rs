@@ -3,6 +3,7 @@
 use crate::battles::{Ended, Pairing, Play, Player};
 use crate::config::Enemies;
 use crate::description::{OPPONENT, RunDescription, Weights};
+use crate::lanes::with_an_end;
 use crate::parallel::{self, Interrupted};
 use crate::policy::Choice;
 use crate::random::{Purpose, seed};
@@ -72,7 +73,7 @@ impl Evaluator {
                 (run.lanes_setup(), Player::Team(Box::new(team)))
             }
         };
-        let (_, arena) = setup.arena().map_err(|problems| {
+        let (_, arena) = with_an_end(setup).arena().map_err(|problems| {
             let path = folder.join("run.json");
             FileError::Damaged { path, why: problems.to_string() }
         })?;
