@@ -537,3 +537,25 @@ def test_an_environment_is_copied_by_its_arguments_before_its_first_reset() -> N
     assert again.reset()[0]["obs"].shape == (3, 30)
     wrapped.close()
     again.close()
+
+
+@pytest.mark.parametrize("name", ["num_envs", "autoreset_mode", "fields", "lanes"])
+def test_settings_that_an_integration_decides_are_named(name: str) -> None:
+    """They were errors of Python, about arguments of another function or a list without `spec`."""
+    settings: dict[str, Any] = {name: {"autoreset_mode": "NextStep", "fields": ["obs"]}.get(name, 2)}
+    with pytest.raises(sp.errors.InvalidRequest, match=f"remove .*`{name}`|`{name}` .*remove"):
+        BattleEnv("3m", **settings)
+    if name == "lanes":
+        with pytest.raises(sp.errors.InvalidRequest, match="`lanes` is for smaclite_pool.make alone"):
+            gymnasium.make_vec("smaclite_pool/3m-v0", num_envs=2, lanes=2)
+
+
+def test_a_seed_of_numpy_is_a_seed() -> None:
+    seed: Any = np.int64(4)
+    fields = ["obs", "state", "avail_actions", "snapshot"]
+    with closing(make_vector("3m", 3, fields=fields)) as envs:
+        envs.reset(seed=seed, options={"reset_mask": np.array([True, True, True])})
+        one = envs.save()
+        envs.reset(seed=4, options={"reset_mask": np.array([True, True, True])})
+        np.testing.assert_array_equal(one, envs.save())
+        envs.reset(seed=seed, options={"snapshot": one})

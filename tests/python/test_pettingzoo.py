@@ -106,6 +106,9 @@ def test_invalid_calls_are_refused(env: parallel_env) -> None:
     with pytest.raises(sp.errors.IllegalAction) as caught:
         env.step(dict.fromkeys(env.agents, 0))
     assert caught.value.agent == 0 and 1 in caught.value.available
+    for action in (1.9, "1", None):
+        with pytest.raises(sp.errors.InvalidRequest, match="the action of agent_1 must be an integer, got "):
+            env.step({**dict.fromkeys(env.agents, 1), "agent_1": action})  # type: ignore[dict-item]
 
 
 @pytest.mark.parametrize("constructor", [pettingzoo.env, pettingzoo.raw_env])

@@ -106,6 +106,9 @@ class Wrapper:
             return self.change_spec(self.envs.spec)
         return getattr(self.envs, name)
 
+    def __len__(self) -> int:
+        return len(self.envs)
+
     def __enter__(self: Self) -> Self:
         return self
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import inspect
+import operator
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from typing import Any, Literal, TypeAlias, TypeVar
 
@@ -57,12 +58,17 @@ def check_one_side(envs: Envs) -> Envs:
 
 
 def check_keywords(made_by: Callable[..., Any], settings: Mapping[str, Any]) -> None:
-    """Raise TypeError, in the name of a function or class, for settings that `smaclite_pool.make` lacks."""
+    """Raise TypeError, in the name of a function or class, for settings that `smaclite_pool.make` lacks.
+
+    Raises InvalidRequest for several lanes, which are several environments to learners.
+    """
     is_class = isinstance(made_by, type)
     function = made_by.__init__ if is_class else made_by
     parameters = inspect.signature(function).parameters.values()
     own = [parameter.name for parameter in parameters if parameter.kind is not parameter.VAR_KEYWORD]
     check_settings(made_by.__name__, dict(settings), own)
+    if "lanes" in settings:
+        raise InvalidRequest("`lanes` is for smaclite_pool.make alone; remove it")
 
 
 def stop_unavailable(actions: Any, avail_actions: NDArray[np.bool_]) -> NDArray[Any]:
@@ -224,7 +230,7 @@ class SingleBattle:
     Args:
         scenario: a standard scenario or the path of a scenario file.
         settings: `seed`, `episode_limit`, `rules` and other arguments of `smaclite_pool.make`, except
-            `fields`.
+            `num_envs`, `fields`, `autoreset_mode` and `lanes`.
         both_sides: whether `sides="both"` is accepted among them; then `agents` has the enemies too.
         shares: whether steps have the `shares` of single units.
 
@@ -239,8 +245,15 @@ class SingleBattle:
         both_sides: bool = False,
         shares: bool = False,
     ) -> None:
-        if "fields" in settings:
-            raise InvalidRequest("a single battle has all fields; remove `fields`")
+        fixed = {
+            "fields": "has all fields",
+            "num_envs": "is one environment",
+            "autoreset_mode": "waits for a reset when it has ended",
+            "lanes": "has one lane",
+        }
+        for name, why in fixed.items():
+            if name in settings:
+                raise InvalidRequest(f"a single battle {why}; remove `{name}`")
         fields = [*SINGLE_BATTLE_FIELDS, *(SHARE_FIELDS if shares else ())]
         # Frameworks run many of these per machine, where a thread that spins takes CPU time from the others.
         defaults = {"threads": 1, "wait": "block", "max_held_batches": 2}
@@ -286,7 +299,11 @@ class SingleBattle:
 
         Raises InvalidRequest for a snapshot of another scenario or rule set.
         """
-        self._last = TimeStep.of(self.envs.reset(seed, snapshots=snapshot))
+        now, spec = TimeStep.of(self.envs.reset(seed, snapshots=snapshot)), self.envs.spec
+        # A batch says how the last step ended a battle, and here there was no step.
+        is_decided = now.info["dead_allies"] == spec.n_agents or now.info["dead_enemies"] == spec.n_enemies
+        is_at_limit = spec.episode_limit is not None and now.episode_length >= spec.episode_limit
+        self._last = replace(now, terminated=is_decided, truncated=is_at_limit and not is_decided)
         return self._last
 
     def step(self, actions: Sequence[int | np.integer[Any]] | NDArray[Any]) -> TimeStep:
@@ -310,7 +327,14 @@ class SingleBattle:
             raise InvalidRequest(
                 f"actions must contain every agent, missing {', '.join(missing)}; dead agents use 0 (no-op)"
             )
-        return self.step([int(actions.get(agent, 0)) for agent in self.agents])
+        return self.step([self._action(agent, actions.get(agent, 0)) for agent in self.agents])
+
+    @staticmethod
+    def _action(agent: str, action: Any) -> int:
+        try:
+            return operator.index(action)  # not int, for which 1.9 is 1
+        except TypeError:
+            raise InvalidRequest(f"the action of {agent} must be an integer, got {action!r}") from None
 
     @property
     def sizes(self) -> dict[str, tuple[int, int]]:

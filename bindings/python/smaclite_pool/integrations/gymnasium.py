@@ -166,6 +166,7 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
         continue from snapshots, as by `restore`, and wrappers begin to count anew. Raises InvalidRequest for
         another number of seeds, a mask of another shape or without any True, and a mask beside snapshots.
         """
+        seed = int(seed) if isinstance(seed, np.integer) else seed
         super().reset(seed=seed if isinstance(seed, int) else None)
         options = options or {}
         mask, snapshot = options.get("reset_mask"), options.get("snapshot")
