@@ -40,7 +40,7 @@ def other_critic(scenario: str) -> list[str]:
 GROUPS: dict[str, dict[str, list[str]]] = {
     "default": {scenario: [] for scenario in sp.scenarios(generated=False)},
     "flat": {scenario: [*FLAT, *former(scenario)] for scenario in sp.scenarios(generated=False)},
-    "generated": {scenario: [*FLAT, *former(scenario)] for scenario in sp.scenarios(generated=True)},
+    "generated": {scenario: [] for scenario in sp.scenarios(generated=True)},
     "open-loop": {
         scenario: former(scenario) for scenario in ("protoss_5_vs_5", "terran_5_vs_5", "zerg_5_vs_5")
     },
