@@ -91,7 +91,7 @@ fn actions_for_a_busy_or_finished_environment_are_refused() {
         .to_string();
     assert_contains(&error, &["environment 0", "earlier request"]);
     let outstanding = learner.recv(TIMEOUT).err().expect("one result is no batch").to_string();
-    assert_contains(&outstanding, &["1 results", "batch takes 2"]);
+    assert_contains(&outstanding, &["of the 2 results", "1 are outstanding"]);
     learner.send_to(&[3]).expect("sent");
     learner.recv(TIMEOUT).expect("two results are a batch");
     for _ in 0..2 {
