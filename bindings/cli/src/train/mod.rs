@@ -453,9 +453,9 @@ impl Train {
                 let lanes = Lanes::attach(setup, runtime_dir, pool, &self.lane, interrupted)?;
                 if !lanes.are_saved() {
                     err!(
-                        "smaclite-pool: warning: pool `{pool}` does not serve the field `snapshot`: where the \
-                         run is resumed, environments begin anew, and it has other bits than one that was not \
-                         interrupted"
+                        "smaclite-pool: warning: pool `{pool}` does not serve the field `snapshot`: where \
+                         the run is resumed, environments begin anew, and it has other bits than one that \
+                         was not interrupted"
                     );
                 }
                 lanes
