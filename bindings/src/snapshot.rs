@@ -8,8 +8,8 @@ use pyo3::exceptions::{PyKeyError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use smaclite_engine::{
-    Arena, COLUMNS, Column, ColumnAxis, ColumnSpec, Opponent, RecordLayout, RecordSizes, Rules, Sides,
-    Snapshot, SnapshotError,
+    Arena, COLUMNS, Column, ColumnAxis, ColumnSpec, Opponent, RecordLayout, RecordSizes, Sides, Snapshot,
+    SnapshotError,
 };
 use smaclite_scenarios::Scenario;
 use smaclite_units::file::{did_you_mean, shortened};
@@ -89,10 +89,13 @@ pub fn pack_snapshot<'py>(
     let py = columns.py();
     let scenario = scenario.resolve(py)?;
     let layout = layout_of(columns, &scenario)?;
-    let mut record = vec![0; layout.size()];
     check_names(columns)?;
-    for spec in &COLUMNS {
-        let bytes = column_bytes(columns, spec.name, spec.dtype.name(), &layout.shape(spec.column))?;
+    let bytes_of =
+        |spec: &ColumnSpec| column_bytes(columns, spec.name, spec.dtype.name(), &layout.shape(spec.column));
+    // All are there before memory is taken for the counts that some of them say.
+    let bytes = COLUMNS.iter().map(bytes_of).collect::<PyResult<Vec<_>>>()?;
+    let mut record = vec![0; layout.size()];
+    for (spec, bytes) in COLUMNS.iter().zip(&bytes) {
         layout.column_mut(&mut record, spec.column).copy_from_slice(bytes.as_slice()?);
     }
     layout.seal(&mut record);
@@ -126,18 +129,6 @@ fn layout_of(columns: &Bound<'_, PyDict>, scenario: &Scenario) -> PyResult<Recor
             given.0,
             given.1,
             sizes.n_past
-        )));
-    }
-    let n_units = scenario.n_agents() + scenario.n_enemies();
-    let perception = Arena::new(scenario, Rules::default()).sizes().perception_size;
-    if sizes.n_perception != perception {
-        let given = sizes.n_perception;
-        return Err(invalid_request(format!("column `n_perception` must be {perception}, got {given}")));
-    }
-    if ![0, n_units].contains(&sizes.n_phases) {
-        return Err(invalid_request(format!(
-            "column `n_phases` must be {n_units} under rules `starcraft` and 0 under others, got {}",
-            sizes.n_phases
         )));
     }
     Ok(RecordLayout::new(sizes))

@@ -23,8 +23,8 @@ use std::path::Path;
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// The most memory that reading an input and checking what came of it may take, in bytes. The largest take a
-/// third of it, most of it for battles, none for what an input claims to hold.
+/// The most memory that reading an input and checking what came of it may take, in bytes. Those that are kept
+/// take a third of it at most, and that for battles which are stepped.
 const MOST_MEMORY: i64 = 4 << 20;
 
 /// The changed inputs for each one that is kept.

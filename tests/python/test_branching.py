@@ -316,15 +316,19 @@ def test_what_no_battle_has_is_refused_and_says_what_differs() -> None:
 
 
 @pytest.mark.parametrize(
-    ("column", "value"),
-    [("n_perception", 2**32 - 1), ("n_phases", 2**32 - 1), ("episode_length", 2**31)],
+    ("column", "value", "error"),
+    [
+        ("n_perception", 2**32 - 1, r"column `perception` must have shape \[4294967295\], got \[0\]"),
+        ("n_phases", 2**32 - 1, r"column `windup` must have shape \[4294967295\], got \[0\]"),
+        ("episode_length", 2**31, "'episode_length' must be at most 2147483647, got 2147483648"),
+    ],
 )
-def test_a_count_that_no_battle_has_is_refused(column: str, value: int) -> None:
+def test_a_count_that_no_battle_has_is_refused(column: str, value: int, error: str) -> None:
     """Memory for the count was taken before it was checked, which ended the process."""
     with sp.make("3m", 1, fields=["snapshot"]) as envs:
         columns = sp.snapshot_columns(envs.reset(seed=1).snapshot[0])
         wrong = np.array(value, columns[column].dtype)
-        with pytest.raises(sp.errors.InvalidRequest, match=column):
+        with pytest.raises(sp.errors.InvalidRequest, match=error):
             sp.pack_snapshot({**columns, column: wrong}, envs)
 
 

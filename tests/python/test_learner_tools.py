@@ -157,6 +157,7 @@ def test_wrappers_change_batches_and_actions_and_nothing_else() -> None:
         expected = played(envs, stop)
     wrapper = Doubled(NorthIsStop(sp.make("2s3z", 2)))
     with wrapper as same:
+        assert len(same) == 2
         changed = played(same, north)
         assert same is wrapper and same.spec.n_agents == 5 and same.batches == 31
         assert repr(same).startswith("<Doubled of <NorthIsStop of <smaclite_pool.Envs 2 x 2s3z")

@@ -26,7 +26,7 @@ impl AttachedLane {
         let (outstanding, batch_size) = (self.outstanding.results(), self.description.settings.batch_size);
         let sample = if outstanding < batch_size {
             let nothing = ClientError::NothingToReceive { outstanding, batch_size };
-            self.wait_for_refusal()?.ok_or(nothing)?
+            self.wait_for_refusal(begin, wait)?.ok_or(nothing)?
         } else {
             self.wait_for_batch(begin, wait)?
         };
@@ -36,13 +36,17 @@ impl AttachedLane {
     }
 
     /// Of requests that are too few for a batch, one may be refused, which says more than their number.
-    fn wait_for_refusal(&mut self) -> Result<Option<FrameSample>, ClientError> {
-        let begin = Instant::now();
+    fn wait_for_refusal(
+        &mut self,
+        begin: Instant,
+        wait: &WaitOptions<'_>,
+    ) -> Result<Option<FrameSample>, ClientError> {
+        let timeout = wait.timeout.map_or(REFUSAL_TIMEOUT, |timeout| timeout.min(REFUSAL_TIMEOUT));
         loop {
             let received = self.receive()?;
             // In this process it is refused when it is sent.
             let is_possible = self.local.is_none() && self.outstanding.results() > 0;
-            if received.is_some() || !is_possible || begin.elapsed() > REFUSAL_TIMEOUT {
+            if received.is_some() || !is_possible || begin.elapsed() >= timeout {
                 return Ok(received);
             }
             std::thread::sleep(Duration::from_millis(1));

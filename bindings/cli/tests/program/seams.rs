@@ -4,8 +4,19 @@
 use crate::kit::{catches_interruptions, check_error, error, output, program};
 use rustix::process::Signal;
 use std::fs;
-use std::process::Stdio;
+use std::path::Path;
+use std::process::{Child, Stdio};
 use std::time::Duration;
+
+/// A pool of this name that runs.
+fn serve(folder: &Path, name: &str, arguments: &str) -> Child {
+    let mut serve = program(folder, &format!("serve {arguments} --name {name} --threads 1"));
+    let pool = serve.stdout(Stdio::null()).spawn().expect("the program starts");
+    while !output(folder, "list").contains(name) {
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    pool
+}
 
 const SMALL: &str = "--num-envs 8 --horizon 16 --hidden 16,16";
 
@@ -138,12 +149,7 @@ fn a_team_of_weighted_maps_is_adapted_to_one_and_exploited() {
 fn battles_of_a_pool_without_a_limit_end_where_they_are_evaluated() {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
-    let serve = "serve 3m:8 --name endless --episode-limit none --threads 1";
-    let mut pool = program(folder, serve).stdout(Stdio::null()).spawn().expect("the program starts");
-    while !output(folder, "list").contains("endless") {
-        std::thread::sleep(Duration::from_millis(20));
-    }
-    // Greedily, a team that has learnt nothing stands still.
+    let mut pool = serve(folder, "endless", "3m:8 --episode-limit none");
     let printed =
         program(folder, "train --pool endless --steps 1e2 --evaluate-every 100 --horizon 16 --out run")
             .output()
@@ -184,11 +190,7 @@ fn a_recording_that_is_not_complete_says_so_and_one_that_is_asked_for_is_written
     child.wait().expect("an end");
     output(folder, "replay a.smreplay --to a.html");
 
-    let mut pool =
-        program(folder, "serve 3m:4 --name brief --threads 1").stdout(Stdio::null()).spawn().expect("a pool");
-    while !output(folder, "list").contains("brief") {
-        std::thread::sleep(Duration::from_millis(20));
-    }
+    let mut pool = serve(folder, "brief", "3m:4");
     let mut learner = program(folder, "train --pool brief --steps 1e8 --horizon 16 --out run");
     let mut learner = learner.stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("a learner");
     let mut record = program(folder, "record --pool brief --episodes 10000 --out b.smreplay");
@@ -208,4 +210,14 @@ fn a_recording_that_is_not_complete_says_so_and_one_that_is_asked_for_is_written
     output(folder, "replay b.smreplay --to b.html");
     learner.wait().expect("an end");
     output(folder, "clean");
+}
+
+/// A log in a file had colours, as escape sequences.
+#[test]
+fn a_log_that_no_terminal_shows_has_no_colours() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let train = format!("--log info train 3m --steps 1e2 --out run {SMALL}");
+    let done = program(folder.path(), &train).output().expect("the program starts");
+    let log = String::from_utf8_lossy(&done.stderr);
+    assert!(done.status.success() && log.contains("INFO") && !log.contains('\u{1b}'), "{log}");
 }
