@@ -29,7 +29,7 @@ class Neighbour:
         self._steps = 0
         self.longest = 0.0
         """The longest step in seconds."""
-        self._error: BaseException | None = None
+        self._error = ""
         # Of this process, because its own learner finds the pool by it.
         self._before = os.environ.get("SMACLITE_POOL_ROOT")
         os.environ["SMACLITE_POOL_ROOT"] = str(pools)
@@ -59,7 +59,8 @@ class Neighbour:
                     self._steps += 1
                     time.sleep(0.002)
         except BaseException as error:
-            self._error = error
+            # Its traceback would keep the batch, and with it what the pool has in /dev/shm.
+            self._error = repr(error)
 
     def wrong(self) -> str | None:
         """What is wrong with the pool after a fault that others met."""
@@ -80,7 +81,7 @@ class Neighbour:
         end = time.monotonic() + LONGEST
         while True:
             if self._error:
-                return f"its neighbour: {self._error!r}"
+                return f"its neighbour: {self._error}"
             if self.pool.poll() is not None:
                 return "the pool ends"
             if is_so():
