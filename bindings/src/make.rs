@@ -15,7 +15,7 @@ use crate::wait::{IsCancelled, run_on_thread};
 use pyo3::IntoPyObjectExt;
 use pyo3::exceptions::{PyTypeError, PyUserWarning};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyMapping, PyString};
+use pyo3::types::{IntoPyDict, PyDict, PyMapping, PyString};
 use serde_json::Value;
 use smaclite_engine::{BattleSetup, EnemySide, EpisodeLimit, OpponentsError, Rules, Sides};
 use smaclite_ipc::{
@@ -233,14 +233,14 @@ pub fn make(
 
 /// A dictionary as the value of a key of scenario files.
 fn json_of(key: &str, value: &Bound<'_, PyDict>) -> PyResult<Value> {
-    let text = value.py().import("json")?.call_method1("dumps", (value,)).and_then(|text| text.extract());
-    let text: String = text.map_err(|error| {
-        translated(value.py(), error, |e| {
-            invalid_request(format!("{key} must be a dictionary as in JSON: {e}"))
-        })
-    })?;
-    serde_json::from_str(&text)
-        .map_err(|e| invalid_request(format!("{key} must be a dictionary as in JSON: {e}")))
+    let py = value.py();
+    let refused = |e: String| invalid_request(format!("{key} must be a dictionary as in JSON: {e}"));
+    let only_numbers = [("allow_nan", false)].into_py_dict(py)?;
+    let text = py.import("json")?.call_method("dumps", (value,), Some(&only_numbers));
+    let text: String = text
+        .and_then(|text| text.extract())
+        .map_err(|error| translated(py, error, |e| refused(e.to_string())))?;
+    serde_json::from_str(&text).map_err(|e| refused(e.to_string()))
 }
 
 /// A keyword of [`Autoreset`](smaclite_pool::Autoreset), or Gymnasium's `AutoresetMode` of that value.

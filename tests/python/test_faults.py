@@ -72,6 +72,14 @@ def test_a_training_goes_on_with_the_threads_that_it_has(folder: Path) -> None:
     assert end.status == 0, end.stderr
 
 
+def test_a_full_standard_output_is_named() -> None:
+    """The message was of a device, and did not say which file is on it."""
+    with open("/dev/full", "w") as full:
+        done = subprocess.run([str(PROGRAM), "scenarios"], stdout=full, stderr=subprocess.PIPE, check=False)
+    assert done.returncode == 1
+    assert done.stderr == b"smaclite-pool: standard output: No space left on device\n"
+
+
 def test_a_full_standard_error_ends_no_command() -> None:
     command = [str(PROGRAM), "bench", "3m", "--seconds", "0.01"]
     with open("/dev/full", "w") as full:

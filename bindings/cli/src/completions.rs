@@ -38,7 +38,7 @@ impl Completions {
         let shell = shells.completer(&self.shell.to_string()).ok_or("no script for this shell")?;
         let mut script = Vec::new();
         shell.write_registration(VARIABLE, NAME, NAME, &absolute(program)?, &mut script)?;
-        Ok(std::io::stdout().write_all(&script)?)
+        Ok(crate::output::Output.write_all(&script)?)
     }
 }
 

@@ -6,7 +6,7 @@
 macro_rules! out {
     ($($part:tt)*) => {{
         use std::io::Write as _;
-        writeln!(std::io::stdout(), $($part)*)
+        writeln!(crate::output::Output, $($part)*)
     }};
 }
 
@@ -36,6 +36,7 @@ mod new;
 mod number;
 mod opponent;
 mod os;
+mod output;
 mod picture;
 mod play;
 pub mod process;
@@ -173,7 +174,7 @@ fn run_args(args: &[OsString], host: &[HostVersion]) -> i32 {
     };
     log_to_stderr(cli.log);
     let Err(error) = cli.command.run(&args[0], host) else { return 0 };
-    let is_closed = is_broken_pipe(error.as_ref()); // `smaclite-pool scenarios | head`
+    let is_closed = output::is_closed(error.as_ref()); // `smaclite-pool scenarios | head`
     if !is_closed && !error.is::<process::Interrupted>() {
         err!("smaclite-pool: {}", without_os_errors(&printable_text(&error.to_string())));
     }
@@ -214,10 +215,6 @@ impl Command {
             Command::Licences(licences) => licences.run(),
         }
     }
-}
-
-fn is_broken_pipe(error: &(dyn Error + 'static)) -> bool {
-    error.downcast_ref::<std::io::Error>().is_some_and(|e| e.kind() == std::io::ErrorKind::BrokenPipe)
 }
 
 fn log_to_stderr(filter: Targets) {

@@ -12,6 +12,6 @@ pub(super) struct Licences {}
 
 impl Licences {
     pub(super) fn run(self) -> CommandResult {
-        Ok(std::io::stdout().write_all(NOTICES.as_bytes())?)
+        Ok(crate::output::Output.write_all(NOTICES.as_bytes())?)
     }
 }

@@ -22,7 +22,7 @@ impl Man {
     pub(super) fn run(self) -> CommandResult {
         let program = Cli::command().disable_help_subcommand(true); // `help` gets no page
         let Some(folder) = self.out else {
-            return Ok(clap_mangen::Man::new(program).render(&mut std::io::stdout())?);
+            return Ok(clap_mangen::Man::new(program).render(&mut crate::output::Output)?);
         };
         write_pages(program, &folder).map_err(|error| format!("{}: {error}", folder.display()))?;
         Ok(())

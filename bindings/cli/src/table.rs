@@ -1,7 +1,5 @@
 //! Tables on standard output.
 
-use std::io::Write;
-
 /// Rows of text under headings.
 pub(crate) struct Table {
     rows: Vec<Vec<String>>,
@@ -21,10 +19,9 @@ impl Table {
     pub(crate) fn print(&self) -> std::io::Result<()> {
         let width = |c: usize| self.rows.iter().map(|row| row[c].chars().count()).max().unwrap_or(0);
         let widths: Vec<usize> = (0..self.rows[0].len()).map(width).collect();
-        let mut out = std::io::stdout().lock();
         for row in &self.rows {
             let cells = row.iter().zip(&widths).map(|(cell, width)| format!("{cell:<width$}"));
-            writeln!(out, "{}", cells.collect::<Vec<_>>().join("  ").trim_end())?;
+            out!("{}", cells.collect::<Vec<_>>().join("  ").trim_end())?;
         }
         Ok(())
     }

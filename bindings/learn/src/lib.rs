@@ -91,7 +91,7 @@ pub use policy::Choice;
 pub use ppo::{Diverged, UpdateStats};
 pub use rollout::Episode;
 pub use run::Run;
-pub use seeds::{OnSeedEvent, SeedEvent, Seeds, SeedsError, runs_in};
+pub use seeds::{OnSeedEvent, SeedEvent, Seeds, SeedsError, runs_in, seed_folder};
 pub use team::Network;
 pub use tensors::{FileError, read as read_file};
 pub use trained_team::{TeamTensor, TrainedTeam, UnfitTeam};

@@ -211,8 +211,10 @@ impl Run {
         let path = folder.join("checkpoint.safetensors");
         let state = Checkpoint::read(&path, &config, &description.inputs, &mut read_rival)?;
         let training = Training::resume(config, lanes, threads, state)?;
-        write_description(folder, &training.config, &setup, &other_maps)?;
-        Run::open(folder, &description, training, threads, lock)
+        let run = Run::open(folder, &description, training, threads, lock)?;
+        // With the new number of steps, once nothing can refuse it any more.
+        write_description(folder, run.config(), &setup, &other_maps)?;
+        Ok(run)
     }
 
     fn open(

@@ -20,8 +20,8 @@ use smaclite_ipc::{ClientError, RuntimeDir};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
-/// The folder of a run with this seed.
-fn seed_folder(folder: &Path, seed: u64) -> PathBuf {
+/// The folder of the run with this seed, in the folder of runs that differ in their seeds.
+pub fn seed_folder(folder: &Path, seed: u64) -> PathBuf {
     folder.join(format!("seed-{seed}"))
 }
 

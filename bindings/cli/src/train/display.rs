@@ -1,6 +1,7 @@
 //! What `train` prints: JSON, one changing line in a terminal, or a line every five seconds.
 
 use crate::CommandResult;
+use crate::output::Output;
 use serde_json::Value;
 use smaclite_learn::{EvaluationRow, Record};
 use std::io::{IsTerminal, Write};
@@ -121,8 +122,8 @@ impl Lines {
     /// Shows a line that may be replaced by the next one.
     pub(super) fn show(&mut self, line: String) -> CommandResult {
         if self.terminal {
-            write!(std::io::stdout(), "\r\x1b[K{line}")?;
-            std::io::stdout().flush()?;
+            write!(Output, "\r\x1b[K{line}")?;
+            Output.flush()?;
         } else if self.last_line.is_none_or(|last| last.elapsed() >= LINE_INTERVAL) {
             out!("{line}")?;
             self.last_line = Some(Instant::now());
@@ -136,7 +137,7 @@ impl Lines {
     /// Prints a line that stays.
     pub(super) fn keep(&self, line: &str) -> CommandResult {
         if self.terminal {
-            write!(std::io::stdout(), "\r\x1b[K")?;
+            write!(Output, "\r\x1b[K")?;
         }
         out!("{line}")?;
         Ok(())

@@ -4,7 +4,7 @@
 mod display;
 mod seeds;
 
-use super::{CommandResult, THREADS, completions, runtime_dir};
+use super::{CommandResult, THREADS, completions, output, runtime_dir};
 use crate::check::warn_of;
 use crate::number::{count, seed, whole};
 use crate::opponent::{OpponentOption, SelfPlayOptions};
@@ -217,6 +217,12 @@ fn lanes_of_maps(
     Lanes::start_maps(&maps, config.last_actions, (threads - 1).max(1), runtime_dir)
 }
 
+/// Why a training ended whose progress could not be shown: unlike a list that `| head` cuts off, it is not
+/// complete then.
+fn incomplete(error: Box<dyn Error>) -> Box<dyn Error> {
+    if output::is_closed(error.as_ref()) { Interrupted.into() } else { error }
+}
+
 /// What is trained.
 enum Opened {
     /// A run in the scenario of this name.
@@ -249,7 +255,7 @@ impl Train {
                     }
                     if let Err(error) = shown {
                         run.checkpoint()?; // the output was closed, but what was learnt is not lost
-                        return Err(error);
+                        return Err(incomplete(error));
                     }
                     if record.is_none() {
                         break true;

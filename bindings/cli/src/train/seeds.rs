@@ -1,6 +1,7 @@
 //! `train` of several seeds: one line with the progress of all.
 
 use super::display::{Lines, evaluation, json_of, minutes};
+use super::incomplete;
 use crate::process::Interrupted;
 use crate::{CommandResult, runtime_dir};
 use serde_json::Value;
@@ -43,7 +44,7 @@ pub(super) fn train(
         return Err(failed.join("\n").into());
     }
     if let Some(error) = display.error.take() {
-        return Err(error.into());
+        return Err(incomplete(error.into()));
     }
     let is_interrupted = interrupted() && display.complete < display.seeds;
     display.end(is_interrupted)?;

@@ -221,3 +221,16 @@ fn a_log_that_no_terminal_shows_has_no_colours() {
     let log = String::from_utf8_lossy(&done.stderr);
     assert!(done.status.success() && log.contains("INFO") && !log.contains('\u{1b}'), "{log}");
 }
+
+/// `exploit --out`, which needs no temporary folder, made one and failed where it could not.
+#[test]
+fn best_responses_that_are_kept_need_no_temporary_folder() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    output(folder, &format!("train 3m --steps 1e2 --out run {SMALL}"));
+    let exploit = "exploit run --steps 100 --seeds 1 --episodes 2 --out kept --threads 1";
+    let done =
+        program(folder, exploit).env("TMPDIR", folder.join("none")).output().expect("the program starts");
+    assert!(done.status.success(), "{done:?}");
+    assert!(folder.join("kept/seed-1/weights.safetensors").is_file());
+}

@@ -62,7 +62,10 @@ fn a_team_is_exploited() {
     let head =
         "3m: best responses to runs/3m, 2 seeds, 1000 steps\n\nWins-draws-losses of the best response:\n";
     assert!(printed.starts_with(head), "{printed}");
-    assert!(folder.join("responses/4/run.json").exists() && folder.join("responses/5/run.json").exists());
+    assert!(
+        folder.join("responses/seed-4/run.json").exists()
+            && folder.join("responses/seed-5/run.json").exists()
+    );
     let result: Value =
         serde_json::from_str(&output(folder, &format!("{exploit} --json"))).expect("an object");
     let points =
@@ -73,7 +76,7 @@ fn a_team_is_exploited() {
         printed.ends_with(&format!("exploitability  {:.1} % of the points\n", 100.0 * most)),
         "{printed}"
     );
-    check_error(folder, &format!("{exploit} --out responses"), 1, "`responses/4` already holds a run");
+    check_error(folder, &format!("{exploit} --out responses"), 1, "`responses/seed-4` already holds a run");
     check_error(folder, "exploit nowhere", 1, "`nowhere` is not the folder of a run");
     output(folder, "train 5m_vs_6m --steps 256 --num-envs 8 --horizon 16 --hidden 16,16 --out runs/5m");
     check_error(folder, "exploit runs/5m", 1, "5m");

@@ -171,7 +171,7 @@ fn an_output_that_is_closed_loses_no_training() {
     assert!(lines[0].starts_with("3m: evaluated at 0 steps"), "{lines:?}");
     assert!(lines[1].contains(" of 100000000 steps"), "{lines:?}");
     drop(printed);
-    child.wait().expect("an end");
+    assert_eq!(child.wait().expect("an end").code(), Some(1), "the training is not complete");
     let log = fs::read_to_string(folder.join("run/log.csv")).expect("the log");
     let updates = log.lines().count() as u64 - 1;
     let steps = updates * 128 + 100;

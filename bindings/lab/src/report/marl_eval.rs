@@ -32,7 +32,7 @@ pub fn marl_eval_json(benchmark: &Benchmark, actions: Choice) -> Result<String, 
 
 fn check(benchmark: &Benchmark) -> Result<(), String> {
     let names = || benchmark.algorithms.iter().map(|of| of.name.as_str());
-    if let Some(name) = names().find(|name| name.contains(',')) {
+    if let Some(name) = names().chain(benchmark.tasks()).find(|name| name.contains(',')) {
         return Err(format!("the name `{name}` has a comma"));
     }
     if names().map(str::to_lowercase).collect::<BTreeSet<_>>().len() < benchmark.algorithms.len() {

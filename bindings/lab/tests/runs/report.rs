@@ -106,7 +106,11 @@ fn what_is_unequal_is_said_and_not_given_to_marl_eval() {
     fs::create_dir_all(place.path("foreign")).unwrap();
     fs::rename(path, &moved).unwrap();
     fs::remove_file(moved.join("run.json")).unwrap();
-    fs::write(moved.join("options.json"), r#"{"scenario": "maps/hill.json", "seed": 8}"#).unwrap();
+    let foreign = moved.join("options.json");
+    fs::write(&foreign, r#"{"scenario": "maps/hill,2.json", "seed": 8}"#).unwrap();
+    let benchmark = read(&place, &[("b", "foreign")]).unwrap();
+    assert!(marl_eval_json(&benchmark, Choice::Greedy).unwrap_err().contains("`hill,2` has a comma"));
+    fs::write(&foreign, r#"{"scenario": "maps/hill.json", "seed": 8}"#).unwrap();
     check(
         &[("a", "three"), ("b", "foreign")],
         "hill is not compared: a has no runs of it",
