@@ -19,7 +19,7 @@ mod transport;
 use clap::{Parser, Subcommand};
 use smaclite_cli::bench::policy::Policy;
 use smaclite_cli::bench::throughput::Workload;
-use smaclite_cli::process::wait_for_termination;
+use smaclite_cli::process::{end_with_first_process, wait_for_termination};
 use smaclite_engine::Rules;
 use smaclite_ipc::{RuntimeDir, WaitStrategy};
 use smaclite_pool::PoolOptions;
@@ -154,6 +154,7 @@ fn run(cli: Cli) -> Result<(), Box<dyn Error>> {
 }
 
 fn run_second(process: SecondProcess) -> Result<(), Box<dyn Error>> {
+    end_with_first_process();
     match process {
         SecondProcess::Pong { name, wait } => ping_pong::serve(&name, wait),
         SecondProcess::Play { scenario, rules, policy, steps } => {

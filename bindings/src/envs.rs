@@ -20,8 +20,9 @@ use crate::lane_spec::lane_spec;
 use crate::query::runtime_dir;
 use crate::recorder::RecordingToFile;
 use crate::seeds::Seeds;
-use crate::wait::{interruptible, run_on_thread, wait_detached};
+use crate::wait::{Deadline, interruptible, run_on_thread, wait_detached};
 use numpy::{PyArray2, PyArray3, PyArrayMethods};
+use pyo3::exceptions::PyRuntimeWarning;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use smaclite_engine::Rules;
@@ -29,6 +30,7 @@ use smaclite_ipc::{Client, ClientError, LaneDescription, Supervisor, WaitOptions
 use smaclite_pool::Rejection;
 use smaclite_pool::layout::Layout;
 use smaclite_scenarios::Scenario;
+use std::ffi::CString;
 use std::sync::Arc;
 
 /// A pool within this process, which ends with the last of its `Envs`, and the scenario of its lanes.
@@ -46,7 +48,8 @@ pub struct Embedded {
 ///
 /// `timeout` is a number of seconds, at least 0; None means no limit. Ctrl-C interrupts every wait. After
 /// Timeout or KeyboardInterrupt the batch is still being computed: call `recv` to get it, or `reset` to
-/// discard it.
+/// discard it. A reset with snapshots of a lane that was not reset before, or with a list of seeds, is of
+/// several requests: if it ends before the last is sent, only a reset of all environments can follow.
 ///
 /// Only one thread may call these environments at a time; a concurrent call raises Busy. After a fork, calls
 /// in the child raise Forked; calls after `close` raise Closed.
@@ -101,7 +104,12 @@ impl Envs {
         let received = run_on_thread(py, move |cancelled| {
             lane_scenario(&runtime_dir, &pool, Some(&lane), WaitOptions::interrupted_by(cancelled))
         })?;
-        let scenario = received.map_err(connect_error)?.files.scenario();
+        let (lane, setup) = received.map_err(connect_error)?;
+        if lane.instance != self.description.instance {
+            // Another pool has the name by now.
+            return Err(client_error(ClientError::PoolDied { pool: lane.pool }));
+        }
+        let scenario = setup.files.scenario();
         scenario.map_err(|problems| class::ScenarioError::new_err(problems.to_string()))
     }
 
@@ -179,10 +187,11 @@ impl Envs {
         let ids = ids.as_deref();
         let seeds = Seeds::new(seed, ids.map_or(self.description.settings.num_envs, <[i32]>::len))?;
         let mut guard = self.shared.try_lock()?;
-        let client = guard.client();
+        let (client, is_incomplete) = guard.to_reset();
+        *is_incomplete &= ids.is_some(); // a reset of all discards what was not received
         match start {
-            Start::Scenario => seeds.reset(py, client, ids, None, timeout),
-            Start::Levels(levels) => seeds.reset(py, client, ids, Some(&levels), timeout),
+            Start::Scenario => seeds.reset(py, client, is_incomplete, ids, None, timeout),
+            Start::Levels(levels) => seeds.reset(py, client, is_incomplete, ids, Some(&levels), timeout),
             Start::Snapshots(snapshots) => {
                 let seed = seeds.one()?;
                 let is_synchronous = client.description().settings.is_synchronous();
@@ -193,11 +202,14 @@ impl Envs {
                     })
                 };
                 // A lane begins with a reset of all, which the snapshots then replace.
+                let deadline = Deadline::after(timeout);
                 if !send(client)? {
-                    wait_detached(py, timeout, |wait| client.reset(None, None, wait))?;
+                    *is_incomplete = true;
+                    wait_detached(py, deadline.left(), |wait| client.reset(None, None, wait))?;
                     send(client)?;
+                    *is_incomplete = false;
                 }
-                receive(py, client, timeout)
+                receive(py, client, deadline.left())
             }
         }
     }
@@ -301,7 +313,7 @@ impl Envs {
         #[pyo3(from_py_with = timeout_seconds)] timeout: Option<f64>,
     ) -> PyResult<Batch> {
         let timeout = to_duration(timeout)?;
-        receive(py, self.shared.try_lock()?.client(), timeout)
+        receive(py, self.shared.try_lock()?.to_receive()?, timeout)
     }
 
     /// Request new episodes without waiting; `recv` returns the first observations.
@@ -332,7 +344,8 @@ impl Envs {
         let seed = seed.map(|seed| to_unsigned("seed", seed)).transpose()?;
         let ResetArguments { ids, start } = self.reset_arguments(mask, env_id, levels, snapshots)?;
         let (ids, mut guard) = (ids.as_deref(), self.shared.try_lock()?);
-        let client = guard.client();
+        let (client, is_incomplete) = guard.to_reset();
+        *is_incomplete &= ids.is_some();
         wait_detached(py, None, |wait| match &start {
             Start::Scenario => client.send_reset(seed, ids, wait),
             Start::Levels(levels) => client.send_reset_to(levels, seed, ids, wait),
@@ -497,15 +510,23 @@ impl Envs {
     /// Detach from the lane and stop an embedded pool; write the replay of `record`. Batches and their arrays
     /// stay valid. Closing twice has no effect.
     ///
+    /// If the pool has ended, battles that were not read before are lost; a RuntimeWarning says so if the
+    /// replay is not written for that reason.
+    ///
     /// Raises:
     ///     Busy: another thread is using these environments.
     ///     OSError: the replay cannot be written. The environments are closed.
     fn close(&self, py: Python<'_>) -> PyResult<()> {
-        interruptible(py, |interrupted| Ok(self.shared.close_if_idle(interrupted)))?.unwrap_or_else(|| {
-            Err(class::Busy::new_err(
-                "another thread is using these environments; close them after its call has returned",
-            ))
-        })
+        let closed = interruptible(py, |interrupted| Ok(self.shared.close_if_idle(interrupted)))?;
+        let busy = "another thread is using these environments; close them after its call has returned";
+        match closed.ok_or_else(|| class::Busy::new_err(busy))? {
+            // Who closes after PoolDied knows it; only what was to be recorded is new.
+            Err(error) if error.is_instance_of::<class::PoolDied>(py) => {
+                let text = CString::new(format!("the replay was not written: {}", error.value(py)))?;
+                PyErr::warn(py, &py.get_type::<PyRuntimeWarning>(), &text, 1)
+            }
+            closed => closed,
+        }
     }
 
     fn __enter__(slf: Py<Self>) -> Py<Self> {

@@ -10,6 +10,7 @@ mod convert;
 mod dataset;
 mod envs;
 mod errors;
+mod exclusive;
 mod exit;
 mod habits;
 mod lane_spec;

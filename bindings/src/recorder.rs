@@ -2,6 +2,7 @@
 
 use crate::convert::{IntArg, is_about_argument, to_unsigned};
 use crate::errors::{class, client_error, connect_error, invalid_request};
+use crate::exclusive::{Exclusive, Texts};
 use crate::query::runtime_dir;
 use crate::wait::{IsCancelled, interruptible, run_on_thread};
 use pyo3::exceptions::{PyOSError, PyRuntimeWarning};
@@ -13,13 +14,16 @@ use smaclite_view::SUFFIX;
 use std::ffi::CString;
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 /// The most episodes per environment that a recorder keeps.
 const MAX_EPISODES: usize = 1000;
 
 /// Episodes that `record=` of `make` and `connect` keeps.
 const DEFAULT_EPISODES: usize = 100;
+
+/// How long environments that are dropped wait for the battles that they record.
+const DROP_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Writes the newest episodes, unless there is none: then it returns `false`.
 fn save(recorder: &mut PoolRecorder, path: &Path, wait: WaitOptions<'_>) -> PyResult<bool> {
@@ -72,9 +76,16 @@ impl RecordingToFile {
 }
 
 impl Drop for RecordingToFile {
-    /// For environments that are not closed. Nothing can be raised here.
+    /// For environments that are not closed. Nothing can be raised here, Ctrl-C neither, so a pool that does
+    /// not answer is not waited for long, and not attached to the interpreter.
     fn drop(&mut self) {
-        if let Err(error) = self.finish(&mut || false) {
+        if self.recorder.is_none() {
+            return;
+        }
+        let deadline = Instant::now() + DROP_TIMEOUT;
+        let finish = || self.finish(&mut || Instant::now() >= deadline);
+        let finished = Python::try_attach(|py| py.detach(finish)).unwrap_or(Ok(()));
+        if let Err(error) = finished {
             let _ = writeln!(io::stderr(), "smaclite_pool: {error}");
         }
     }
@@ -114,8 +125,14 @@ pub fn check_replay_path(argument: &str, path: &Path) -> PyResult<()> {
 ///     InvalidRequest: another argument is invalid.
 #[pyclass(frozen, module = "smaclite_pool")]
 pub struct Recorder {
-    recorder: Mutex<Option<PoolRecorder>>,
+    recorder: Exclusive<PoolRecorder>,
 }
+
+const TEXTS: Texts = Texts {
+    closed: "this recorder is closed; make another one",
+    busy: "another thread is using this recorder; only one thread may call it at a time",
+    panicked: "an earlier call of this recorder panicked; make another one",
+};
 
 /// One id or a list of ids.
 pub enum EnvIds {
@@ -144,12 +161,9 @@ impl Recorder {
         py: Python<'_>,
         action: impl FnOnce(&mut PoolRecorder, WaitOptions<'_>) -> PyResult<R> + Send,
     ) -> PyResult<R> {
-        interruptible(py, |interrupted| {
-            match &mut *self.recorder.lock().unwrap_or_else(PoisonError::into_inner) {
-                Some(recorder) => action(recorder, WaitOptions::interrupted_by(interrupted)),
-                None => Err(class::Closed::new_err("this recorder is closed; make another one")),
-            }
-        })
+        let mut recorder = self.recorder.try_lock()?;
+        let recorder = recorder.as_mut().expect("try_lock returns a guard only while it is open");
+        interruptible(py, |interrupted| action(recorder, WaitOptions::interrupted_by(interrupted)))
     }
 }
 
@@ -191,7 +205,7 @@ impl Recorder {
             let wait = WaitOptions::interrupted_by(cancelled);
             PoolRecorder::connect(&runtime_dir, &pool, lane.as_deref(), &env_ids, episodes, wait)
         })?;
-        Ok(Recorder { recorder: Mutex::new(Some(recorder.map_err(connect_error)?)) })
+        Ok(Recorder { recorder: Exclusive::new(recorder.map_err(connect_error)?, TEXTS) })
     }
 
     /// Number of complete episodes that were received since the recorder began; it keeps the newest. What was
@@ -243,8 +257,13 @@ impl Recorder {
     }
 
     /// End the recording. Nothing is written. Closing twice has no effect.
-    fn close(&self, py: Python<'_>) {
-        py.detach(|| drop(self.recorder.lock().unwrap_or_else(PoisonError::into_inner).take()));
+    ///
+    /// Raises:
+    ///     Busy: another thread is using the recorder.
+    fn close(&self, py: Python<'_>) -> PyResult<()> {
+        let recorder = self.recorder.take_if_idle().ok_or_else(|| class::Busy::new_err(TEXTS.busy))?;
+        py.detach(|| drop(recorder));
+        Ok(())
     }
 
     fn __enter__(slf: Py<Self>) -> Py<Self> {
@@ -252,7 +271,7 @@ impl Recorder {
     }
 
     #[pyo3(signature = (*_exception))]
-    fn __exit__(&self, py: Python<'_>, _exception: &Bound<'_, PyTuple>) {
-        self.close(py);
+    fn __exit__(&self, py: Python<'_>, _exception: &Bound<'_, PyTuple>) -> PyResult<()> {
+        self.close(py)
     }
 }

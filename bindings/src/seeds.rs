@@ -3,12 +3,12 @@
 use crate::batch::Batch;
 use crate::convert::{IntArg, to_unsigned};
 use crate::errors::invalid_request;
-use crate::wait::wait_detached;
+use crate::wait::{Deadline, wait_detached};
 use pyo3::prelude::*;
 use pyo3::types::PyString;
 use smaclite_ipc::Client;
 use std::collections::BTreeMap;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Random bits of a seed that was not given: a double has them all, and so has JSON.
 const SEED_BITS: u32 = 53;
@@ -64,20 +64,21 @@ impl Seeds {
     /// Resets all environments or those of `ids`, to levels if there are any.
     ///
     /// A request has one seed, and environment i gets that seed + i. Seeds that are not such a sequence take
-    /// a request per sequence in them: at most one per environment, at least one for `[7, 8, 9]`.
+    /// a request per sequence in them: at most one per environment, at least one for `[7, 8, 9]`. It is
+    /// incomplete until the last one is sent.
     pub fn reset(
         self,
         py: Python<'_>,
         client: &mut Client,
+        is_incomplete: &mut bool,
         ids: Option<&[i32]>,
         levels: Option<&[f32]>,
         timeout: Option<Duration>,
     ) -> PyResult<Batch> {
-        let deadline = timeout.and_then(|timeout| Instant::now().checked_add(timeout));
+        let deadline = Deadline::after(timeout);
         let is_synchronous = client.description().settings.is_synchronous();
         let mut request = |seed: Option<u64>, ids: Option<&[i32]>, levels: Option<&[f32]>| {
-            let left = deadline.map(|deadline| deadline.saturating_duration_since(Instant::now()));
-            wait_detached(py, left, |wait| match levels {
+            wait_detached(py, deadline.left(), |wait| match levels {
                 None => client.reset(seed, ids, wait),
                 Some(levels) => client.reset_to(levels, seed, ids, wait),
             })
@@ -93,10 +94,12 @@ impl Seeds {
                  the lane; reset environments one by one by `env_id`, each to its seed less its id",
             ));
         }
-        let mut newest = None;
-        for (base, places) in groups {
+        let (mut newest, last) = (None, groups.len().saturating_sub(1));
+        for (group, (base, places)) in groups.into_iter().enumerate() {
+            *is_incomplete = group < last; // before it is sent: the wait for the last one can be continued
+            drop(newest.take()); // a batch that nobody sees must not count as held
             // The first reset of a lane must be of all environments; those of other groups follow.
-            if newest.is_none() && ids.is_none() {
+            if group == 0 && ids.is_none() {
                 newest = Some(request(base, None, levels)?);
                 continue;
             }

@@ -34,12 +34,19 @@ impl IpcError {
 
     /// The same error, for an operation that a full disk of the runtime folder can make fail.
     pub(crate) fn at(self, runtime_dir: &RuntimeDir) -> IpcError {
-        let full = shortage::full(
-            runtime_dir.root().display(),
-            "make room there or set SMACLITE_POOL_ROOT to another folder",
-        );
-        IpcError { advice: full.unwrap_or(self.advice), ..self }
+        IpcError { advice: full(runtime_dir).unwrap_or(self.advice), ..self }
     }
+}
+
+/// That the disk of the runtime folder is full, and the remedy, if it is.
+fn full(runtime_dir: &RuntimeDir) -> Option<String> {
+    let remedy = "make room there or set SMACLITE_POOL_ROOT to another folder";
+    shortage::full(runtime_dir.root().display(), remedy)
+}
+
+/// As [`remedy`], for a file in the runtime folder.
+pub(crate) fn remedy_at(error: &std::io::Error, runtime_dir: &RuntimeDir) -> String {
+    full(runtime_dir).map_or_else(|| remedy(error), |full| format!("; {full}"))
 }
 
 /// The remedy for an error of the operating system, as the end of a message; empty if there is none.

@@ -7,8 +7,8 @@ use crate::runtime_dir::RuntimeDir;
 use crate::wait_options::WaitOptions;
 use smaclite_engine::{BattleSetup, Sides};
 
-/// What the battles of a lane are played with, of the only lane if none is named. The episode limit is a
-/// number or none.
+/// A lane, the only one if none is named, and what its battles are played with. The episode limit is a number
+/// or none.
 ///
 /// # Errors
 /// If the pool cannot be reached, or has no such lane.
@@ -17,10 +17,10 @@ pub fn lane_scenario(
     pool: &str,
     lane: Option<&str>,
     wait: WaitOptions<'_>,
-) -> Result<BattleSetup, ConnectError> {
+) -> Result<(LaneDescription, BattleSetup), ConnectError> {
     let request = ControlRequest::Scenario { lane: lane.map(str::to_owned) };
     let (_, response) = ControlClient::request(runtime_dir, pool, &request, wait)?;
-    Ok(setup_in(response)?.1)
+    Ok(setup_in(response)?)
 }
 
 /// The lane and its setup in the response to [`ControlRequest::Scenario`] or [`ControlRequest::Follow`].

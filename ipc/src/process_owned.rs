@@ -33,12 +33,16 @@ impl<T> ProcessOwned<T> {
     /// # Errors
     /// If this process is a forked child of the owner.
     pub fn get_mut(&mut self) -> Result<&mut T, NotOwner> {
-        if self.is_owned() { Ok(&mut self.value) } else { Err(NotOwner { owner: self.owner }) }
+        self.check()?;
+        Ok(&mut self.value)
     }
 
     /// Whether this process made the value.
-    pub fn is_owned(&self) -> bool {
-        self.owner == process_id()
+    ///
+    /// # Errors
+    /// If this process is a forked child of the owner.
+    pub fn check(&self) -> Result<(), NotOwner> {
+        if self.owner == process_id() { Ok(()) } else { Err(NotOwner { owner: self.owner }) }
     }
 }
 
@@ -52,7 +56,7 @@ impl<T> Deref for ProcessOwned<T> {
 
 impl<T> Drop for ProcessOwned<T> {
     fn drop(&mut self) {
-        if self.is_owned() {
+        if self.check().is_ok() {
             // SAFETY: this is the only place that drops the value. `drop` runs once, and afterwards nothing
             // uses the value: the guard is gone.
             unsafe { ManuallyDrop::drop(&mut self.value) }

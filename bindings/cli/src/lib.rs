@@ -154,6 +154,7 @@ pub type HostVersion = (&'static str, String);
 pub fn run(args: impl IntoIterator<Item = OsString>, host: &[HostVersion]) -> i32 {
     os::report_large_files();
     process::forget_signals();
+    process::end_with_first_process();
     let args: Vec<OsString> = args.into_iter().collect();
     let status = run_args(&args, host);
     // Within Python, an unfinished line would be lost at the end of the process.

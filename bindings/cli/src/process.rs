@@ -1,12 +1,15 @@
 //! Processes: signals that end this one, a second one, and how much memory one uses.
 
 use crate::os;
-use signal_hook::consts::{SIGINT, SIGTERM};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, LazyLock};
 
-/// A second process, which is terminated (SIGTERM) and waited for when this is dropped.
+/// In the environment of a second process: the id of the first, with which it ends.
+const FIRST_PROCESS: &str = "SMACLITE_POOL_FIRST_PROCESS";
+
+/// A second process, which is terminated (SIGTERM) and waited for when this is dropped. On Linux it also ends
+/// when this process is killed, or its pool would run for ever.
 pub struct SecondProcess(Child);
 
 impl SecondProcess {
@@ -15,6 +18,7 @@ impl SecondProcess {
     /// # Errors
     /// If the program cannot be started.
     pub fn start(mut command: Command) -> std::io::Result<SecondProcess> {
+        command.env(FIRST_PROCESS, std::process::id().to_string());
         command.stdin(Stdio::null()).stdout(Stdio::null()).spawn().map(SecondProcess)
     }
 
@@ -41,6 +45,12 @@ impl Drop for SecondProcess {
     }
 }
 
+/// To be called at the start of a program that can be a [`SecondProcess`].
+pub fn end_with_first_process() {
+    let first = std::env::var(FIRST_PROCESS).ok().and_then(|id| id.parse().ok());
+    first.into_iter().for_each(os::end_with_parent);
+}
+
 /// The signal that a flag of [`interrupt_flag`] was set by last; 0 for none.
 static RECEIVED: LazyLock<Arc<AtomicUsize>> = LazyLock::new(Arc::default);
 
@@ -61,14 +71,14 @@ pub(crate) fn forget_signals() {
     RECEIVED.store(0, Ordering::Relaxed);
 }
 
-/// A flag that SIGINT and SIGTERM set. With it a command ends its pools before the program ends; otherwise
+/// A flag that the signals set which ask a program to end. With it a command ends its pools before the program ends; otherwise
 /// files would remain in shared memory.
 ///
 /// # Errors
 /// If the system refuses the signal handlers.
 pub fn interrupt_flag() -> std::io::Result<Arc<AtomicBool>> {
     let flag = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM] {
+    for signal in os::stop_signals() {
         set_on(signal, &flag)?;
     }
     Ok(flag)
@@ -81,7 +91,7 @@ pub fn interrupt_flag() -> std::io::Result<Arc<AtomicBool>> {
 /// As [`interrupt_flag`].
 pub fn interrupt_flag_once() -> std::io::Result<Arc<AtomicBool>> {
     let flag = Arc::new(AtomicBool::new(false));
-    for signal in [SIGINT, SIGTERM] {
+    for signal in os::stop_signals() {
         // In this order: the first signal finds the flag clear.
         signal_hook::flag::register_conditional_shutdown(signal, 128 + signal, Arc::clone(&flag))?;
         set_on(signal, &flag)?;
@@ -96,7 +106,7 @@ fn set_on(signal: i32, flag: &Arc<AtomicBool>) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Blocks until SIGINT or SIGTERM arrives. For second processes.
+/// Blocks until a signal asks this process to end. For second processes.
 ///
 /// # Errors
 /// If the system refuses the signal handlers.

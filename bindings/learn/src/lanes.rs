@@ -191,7 +191,7 @@ impl Lanes {
             let client = connect(name, interrupted)?;
             let description = client.description();
             check_settings(description)?;
-            let given = lane_scenario(
+            let (_, given) = lane_scenario(
                 runtime_dir,
                 pool,
                 Some(&description.lane),

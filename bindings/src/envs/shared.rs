@@ -1,32 +1,37 @@
 //! The client of environments, which one thread uses at a time, and what ends with it.
 
-use crate::errors::class;
-use crate::exit::{self, CloseAtExit};
+use crate::errors::invalid_request;
+use crate::exclusive::{Exclusive, Guard, Texts};
+use crate::exit::CloseAtExit;
 use crate::recorder::RecordingToFile;
 use crate::wait::IsCancelled;
 use pyo3::prelude::*;
 use smaclite_ipc::{Client, Supervisor};
-use std::sync::{Arc, Mutex, MutexGuard, TryLockError};
+use std::sync::Arc;
 
-/// The client of an `Envs`, and its pool if that is embedded; `None` once closed.
-pub(super) struct SharedClient(Mutex<Option<Attached>>);
+const TEXTS: Texts = Texts {
+    closed: "these environments are closed; call make or connect again",
+    busy: "another thread is using these environments; only one thread may call them at a time",
+    panicked: "an earlier call of these environments panicked; close them and call make or connect again",
+};
+
+/// The client of an `Envs`, and its pool if that is embedded.
+pub(super) struct SharedClient(Exclusive<Attached>);
 
 /// Dropped in this order: the client detaches from the pool before an embedded pool stops.
 struct Attached {
     /// Written when these environments are closed.
     recording: Option<RecordingToFile>,
     client: Client,
+    /// The last reset ended before all its requests were sent, so what is received next is not its result.
+    is_incomplete: bool,
     _embedded: Option<Arc<Supervisor>>,
 }
 
 impl CloseAtExit for SharedClient {
     /// A recording is written; the environments are closed also if that fails.
     fn close_if_idle(&self, interrupted: IsCancelled<'_>) -> Option<PyResult<()>> {
-        let attached = match self.0.try_lock() {
-            Ok(mut attached) => attached.take(),
-            Err(TryLockError::Poisoned(attached)) => attached.into_inner().take(),
-            Err(TryLockError::WouldBlock) => return None,
-        };
+        let attached = self.0.take_if_idle()?;
         Some(attached.map_or(Ok(()), |attached| attached.close(interrupted)))
     }
 }
@@ -37,25 +42,13 @@ impl SharedClient {
         embedded: Option<Arc<Supervisor>>,
         recording: Option<RecordingToFile>,
     ) -> SharedClient {
-        SharedClient(Mutex::new(Some(Attached { recording, client, _embedded: embedded })))
+        let attached = Attached { recording, client, is_incomplete: false, _embedded: embedded };
+        SharedClient(Exclusive::new(attached, TEXTS))
     }
 
-    /// Locks the client for one call. Never blocks: a signal handler that runs during `recv` and calls a
-    /// method would wait for its own thread.
+    /// Locks the client for one call.
     pub(super) fn try_lock(&self) -> PyResult<ClientGuard<'_>> {
-        if exit::is_exiting() {
-            return Err(exit::exiting_error());
-        }
-        match self.0.try_lock() {
-            Ok(attached) if attached.is_some() => Ok(ClientGuard(attached)),
-            Ok(_) => Err(class::Closed::new_err("these environments are closed; call make or connect again")),
-            Err(TryLockError::WouldBlock) => Err(class::Busy::new_err(
-                "another thread is using these environments; only one thread may call them at a time",
-            )),
-            Err(TryLockError::Poisoned(_)) => Err(class::PoolError::new_err(
-                "an earlier call of these environments panicked; close them and call make or connect again",
-            )),
-        }
+        self.0.try_lock().map(ClientGuard)
     }
 }
 
@@ -65,10 +58,32 @@ impl Attached {
     }
 }
 
-pub(super) struct ClientGuard<'a>(MutexGuard<'a, Option<Attached>>);
+pub(super) struct ClientGuard<'a>(Guard<'a, Attached>);
 
 impl ClientGuard<'_> {
+    fn attached(&mut self) -> &mut Attached {
+        self.0.as_mut().expect("try_lock returns a guard only while attached")
+    }
+
     pub(super) fn client(&mut self) -> &mut Client {
-        &mut self.0.as_mut().expect("try_lock returns a guard only while attached").client
+        &mut self.attached().client
+    }
+
+    /// The client, and whether a reset of several requests, all but the last of which are waited for, is
+    /// incomplete.
+    pub(super) fn to_reset(&mut self) -> (&mut Client, &mut bool) {
+        let attached = self.attached();
+        (&mut attached.client, &mut attached.is_incomplete)
+    }
+
+    /// The client, to receive the result of what was sent before.
+    pub(super) fn to_receive(&mut self) -> PyResult<&mut Client> {
+        let attached = self.attached();
+        if attached.is_incomplete {
+            return Err(invalid_request(
+                "the last reset ended before all of it was sent, so it has no result; reset all environments",
+            ));
+        }
+        Ok(&mut attached.client)
     }
 }

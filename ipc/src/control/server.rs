@@ -100,7 +100,7 @@ pub(crate) fn serve(mut server: ControlServer, listener: Listener, stop: Stream,
         }
         if ready.listener {
             match listener.accept() {
-                Ok((stream, _)) => admit(&mut connections, stream),
+                Ok(stream) => admit(&mut connections, stream),
                 Err(error) if error.kind() == ErrorKind::WouldBlock => {}
                 // Out of file descriptors, most likely. The listener stays ready: if there is room now, the
                 // next round accepts the peer.
@@ -329,7 +329,7 @@ impl ControlServer {
 
     /// Tells the next peer why it cannot be served.
     fn turn_away(&self, listener: &Listener, error: &std::io::Error) {
-        let Ok((mut stream, _)) = listener.accept() else { return };
+        let Ok(mut stream) = listener.accept() else { return };
         let (pool, pid) = (self.name.clone(), std::process::id());
         let cause = format!("{error}{}", remedy(error));
         tracing::warn!(cause, "a connection was refused");

@@ -1,10 +1,10 @@
 //! The control thread of a supervisor: its private socket, its start and its end.
 
-use super::error::{StartError, system};
+use super::error::{StartError, at, system};
 use crate::control::server::{ControlServer, serve};
 use crate::os::socket::{Spare, Stream, listen_at, pair};
+use crate::runtime_dir::RuntimeDir;
 use std::net::Shutdown;
-use std::path::Path;
 use std::thread::JoinHandle;
 
 /// A running control thread, which owns the pool. Dropping it stops both.
@@ -15,12 +15,17 @@ pub(super) struct ControlThread {
 }
 
 impl ControlThread {
-    /// Listens at `socket`, whose path only this pool uses.
-    pub(super) fn start(server: ControlServer, socket: &Path) -> Result<ControlThread, StartError> {
+    /// Listens at the socket of this name, which only this pool has.
+    pub(super) fn start(
+        server: ControlServer,
+        runtime_dir: &RuntimeDir,
+        name: &str,
+    ) -> Result<ControlThread, StartError> {
+        let socket = runtime_dir.socket(name);
         let (stop, stopped) = pair().map_err(system("making a socket pair"))?;
         let spare = Spare::new().map_err(system("opening /dev/null"))?;
         let opening = format!("opening the control socket {}", socket.display());
-        let listener = listen_at(socket).map_err(system(opening))?;
+        let listener = listen_at(&socket).map_err(at(runtime_dir, opening))?;
         let thread = std::thread::Builder::new().name("smaclite-control".to_owned());
         let thread = thread.spawn(move || serve(server, listener, stopped, spare));
         Ok(ControlThread { stop, thread: Some(thread.map_err(system("starting a thread"))?) })

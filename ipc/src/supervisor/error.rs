@@ -1,10 +1,10 @@
 //! Why a pool could not start.
 
 use crate::control::client::of_process;
-use crate::error::remedy;
+use crate::error::{remedy, remedy_at};
 use crate::name::NameError;
 use crate::os::memory::TooLittleMemory;
-use crate::runtime_dir::RuntimeDirError;
+use crate::runtime_dir::{RuntimeDir, RuntimeDirError};
 use crate::services::IpcError;
 use smaclite_pool::{LaneSettingsError, PoolStartError};
 use smaclite_scenarios::Problems;
@@ -31,8 +31,8 @@ pub enum StartError {
     Pool(#[from] PoolStartError),
     #[error("the start was interrupted")]
     Interrupted,
-    #[error("{doing}: {source}{}", remedy(source))]
-    System { doing: String, source: std::io::Error },
+    #[error("{doing}: {source}{remedy}")]
+    System { doing: String, source: std::io::Error, remedy: String },
 }
 
 /// What is wrong with the configuration of a lane.
@@ -65,5 +65,13 @@ fn thread_remedy(error: &PoolStartError) -> String {
 
 /// Adds what was being done to an error of the operating system.
 pub(super) fn system(doing: impl Into<String>) -> impl FnOnce(std::io::Error) -> StartError {
-    move |source| StartError::System { doing: doing.into(), source }
+    move |source| StartError::System { doing: doing.into(), remedy: remedy(&source), source }
+}
+
+/// As [`system`], for a file in the runtime folder.
+pub(super) fn at(
+    runtime_dir: &RuntimeDir,
+    doing: impl Into<String>,
+) -> impl FnOnce(std::io::Error) -> StartError {
+    move |source| StartError::System { doing: doing.into(), remedy: remedy_at(&source, runtime_dir), source }
 }

@@ -23,7 +23,7 @@ use crate::runtime_dir::RuntimeDir;
 use crate::services::{Ipc, LaneServices, WorkEvent, open_node};
 use crate::transport::{FrameOutlet, Iceoryx, RequestInlet, WorkBell};
 use control_thread::ControlThread;
-use error::system;
+use error::at;
 use iceoryx2::prelude::Node;
 use smaclite_pool::{Pool, PoolHandle, PoolOptions, WaitStrategy};
 use std::sync::Arc;
@@ -90,7 +90,7 @@ impl Supervisor {
             _services: services,
             ipc_node,
         };
-        let _control = ProcessOwned::new(ControlThread::start(server, &runtime_dir.socket(&name))?);
+        let _control = ProcessOwned::new(ControlThread::start(server, &runtime_dir, &name)?);
         tracing::info!(pool = name, shared_memory, threads, "serving");
         let lanes = descriptions;
         Ok(Supervisor {
@@ -114,7 +114,7 @@ impl Supervisor {
         let mut client = Client::connect(&self.runtime_dir, &self.name, lane, strategy)?;
         let index = self.lanes.iter().position(|lane| lane.lane == client.description().lane);
         // In a forked child the pool is that of another process.
-        if let Some(index) = index.filter(|_| self.pool.is_owned()) {
+        if let Some(index) = index.filter(|_| self.pool.check().is_ok()) {
             client.take_part(|session| self.pool.local_learner(index, session));
         }
         Ok(client)
@@ -148,7 +148,7 @@ impl Supervisor {
 
 /// Takes a pool's name, which only one pool has at a time.
 fn take_name(runtime_dir: &RuntimeDir, name: &str) -> Result<NameLock, StartError> {
-    let lock = NameLock::try_take(runtime_dir, name).map_err(system("opening the pool's lock"))?;
+    let lock = NameLock::try_take(runtime_dir, name).map_err(at(runtime_dir, "opening the pool's lock"))?;
     lock.ok_or_else(|| StartError::NameTaken { pool: name.to_owned(), pid: process_of(runtime_dir, name) })
 }
 

@@ -65,9 +65,7 @@ impl EnvGroup {
         match *kind {
             RequestKind::Step => self.check_step(draft, env_ids, body),
             RequestKind::Reset { seed, levels } => {
-                // Every session begins with the lane's own seed, so that it does not depend on earlier ones.
-                let seed = if was_reset { seed } else { seed.or(Some(self.seed)) };
-                self.check_reset(draft, levels.then_some(body), seed)
+                self.check_reset(draft, levels.then_some(body), seed, was_reset)
             }
             RequestKind::Restore { seed } => self.check_restore(draft, body, seed),
             RequestKind::Fork { seed } => self.check_fork(draft, body, seed),
@@ -111,14 +109,22 @@ impl EnvGroup {
         draft: &Draft,
         levels: Option<&[N]>,
         seed: Option<u64>,
+        was_reset: bool,
     ) -> Result<(), Rejection> {
         if let Some(levels) = levels {
             self.check_levels(&draft.envs, levels)?;
         }
+        // A session begins with the lane's own seed and with battles as new, so that it does not depend on
+        // earlier ones.
+        let seed = if was_reset { seed } else { seed.or(Some(self.seed)) };
         let task = if levels.is_some() { Task::ResetTo } else { Task::Reset };
         for &env in &draft.envs {
             if let Some(seed) = seed {
-                self.lock(env as usize).battle.reseed(seed.wrapping_add(u64::from(env)));
+                let mut hosted = self.lock(env as usize);
+                hosted.battle.reseed(seed.wrapping_add(u64::from(env)));
+                if !was_reset {
+                    hosted.battle.forget_episodes();
+                }
             }
             self.table.order(env as usize, task);
         }

@@ -1,7 +1,7 @@
 //! Linux and macOS.
 
 use rustix::process::{Pid, Resource, Rlimit, Signal, getrlimit, kill_process, setrlimit};
-use signal_hook::consts::{SIGINT, SIGTERM, SIGXFSZ};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::iterator::Signals;
 use std::fs::OpenOptions;
 use std::io::Result;
@@ -9,6 +9,7 @@ use std::os::fd::AsFd;
 use std::os::unix::fs::OpenOptionsExt;
 use std::process::Child;
 use std::sync::Arc;
+use std::task::Poll;
 use tokio::signal::unix::{SignalKind, signal};
 
 /// Raises the limit on file descriptors as far as this user may. The low limit that shells set is for
@@ -27,12 +28,45 @@ pub(crate) fn report_large_files() {
     let _ = signal_hook::flag::register(SIGXFSZ, Arc::default());
 }
 
-/// SIGINT and SIGTERM, which no longer end the program.
+/// The signals that ask a program to end: Ctrl-C, `kill`, and the terminal that was closed, unless the program
+/// is to outlive that (`nohup`).
+pub(crate) fn stop_signals() -> impl Iterator<Item = i32> {
+    [SIGINT, SIGTERM].into_iter().chain((!outlives_terminal()).then_some(SIGHUP))
+}
+
+/// Whether SIGHUP is ignored. Where the system does not say, it keeps the meaning that it has.
+fn outlives_terminal() -> bool {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let ignored = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    let ignored = ignored.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok());
+    ignored.is_none_or(|mask| mask & 1 << (SIGHUP - 1) != 0)
+}
+
+/// Ends this process, by SIGTERM, when its parent ends, if that is still the one of this id.
+#[cfg(target_os = "linux")]
+pub(crate) fn end_with_parent(parent: u32) {
+    let is_parent = || {
+        rustix::process::getppid().is_some_and(|id| u32::try_from(id.as_raw_nonzero().get()) == Ok(parent))
+    };
+    if is_parent() {
+        // If it is refused, the parent has to end this process, as it does unless it is killed.
+        let _ = rustix::process::set_parent_process_death_signal(Some(Signal::TERM));
+        if !is_parent() {
+            let _ = kill_process(rustix::process::getpid(), Signal::TERM); // it ended meanwhile
+        }
+    }
+}
+
+/// The system has no signal for it.
+#[cfg(not(target_os = "linux"))]
+pub(crate) fn end_with_parent(_parent: u32) {}
+
+/// The [`stop_signals`], which no longer end the program.
 pub(crate) struct StopSignals(Signals);
 
 impl StopSignals {
     pub fn new() -> Result<StopSignals> {
-        Ok(StopSignals(Signals::new([SIGINT, SIGTERM])?))
+        Ok(StopSignals(Signals::new(stop_signals())?))
     }
 
     /// Whether one has come.
@@ -46,16 +80,14 @@ impl StopSignals {
     }
 }
 
-/// Ends when SIGINT or SIGTERM comes, which no longer end the program once this was called.
+/// Ends when one of the [`stop_signals`] comes, which no longer end the program once this was called.
 pub(crate) fn stopped() -> Result<impl Future<Output = ()>> {
-    let (mut interrupted, mut terminated) =
-        (signal(SignalKind::interrupt())?, signal(SignalKind::terminate())?);
-    Ok(async move {
-        tokio::select! {
-            _ = interrupted.recv() => {}
-            _ = terminated.recv() => {}
-        }
-    })
+    let mut signals =
+        stop_signals().map(|number| signal(SignalKind::from_raw(number))).collect::<Result<Vec<_>>>()?;
+    Ok(std::future::poll_fn(move |context| {
+        let come = signals.iter_mut().any(|signal| signal.poll_recv(context).is_ready());
+        if come { Poll::Ready(()) } else { Poll::Pending }
+    }))
 }
 
 /// Asks a process to end.

@@ -18,13 +18,21 @@ pub(crate) fn use_all_descriptors() {}
 /// Writing to a full disk is an error.
 pub(crate) fn report_large_files() {}
 
+/// The signals that ask a program to end.
+pub(crate) fn stop_signals() -> impl Iterator<Item = i32> {
+    [SIGINT, SIGTERM].into_iter()
+}
+
+/// The system has no signal for it.
+pub(crate) fn end_with_parent(_parent: u32) {}
+
 /// Ctrl-C and SIGTERM, which no longer end the program.
 pub(crate) struct StopSignals(Arc<AtomicBool>);
 
 impl StopSignals {
     pub fn new() -> Result<StopSignals> {
         let come = Arc::<AtomicBool>::default();
-        for signal in [SIGINT, SIGTERM] {
+        for signal in stop_signals() {
             signal_hook::flag::register(signal, Arc::clone(&come))?;
         }
         Ok(StopSignals(come))

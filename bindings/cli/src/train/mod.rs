@@ -411,7 +411,7 @@ impl Train {
             self.choose_lane(&of_map.files.scenario()?.name, runtime_dir, interrupted)?;
         }
         let lane = self.lane.first().map(String::as_str);
-        let of_pool = lane_scenario(runtime_dir, &pool, lane, WaitOptions::interrupted_by(interrupted))?;
+        let (_, of_pool) = lane_scenario(runtime_dir, &pool, lane, WaitOptions::interrupted_by(interrupted))?;
         if of_pool.sides.are_both() {
             return Err(format!(
                 "learners or a trained team play the enemies in pool `{pool}`, but `train --pool` trains \

@@ -9,7 +9,7 @@ pub(crate) mod shortage;
 pub(crate) mod socket;
 pub(crate) mod variant;
 
-pub(crate) use fork::process_id;
+pub(crate) use fork::{NotInherited, process_id};
 pub(crate) use name_lock::NameLock;
 
 /// Whether other processes can attach to pools on this system: on Linux they can.

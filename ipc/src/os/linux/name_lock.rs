@@ -1,5 +1,6 @@
 //! The lock by which one process at a time has a pool's name.
 
+use super::NotInherited;
 use super::files::{is_file_at, lock_file};
 use crate::process_owned::ProcessOwned;
 use crate::runtime_dir::RuntimeDir;
@@ -10,6 +11,7 @@ use std::path::PathBuf;
 /// The right to a pool's name. Dropping it removes the files of the pool, then unlocks the name.
 pub(crate) struct NameLock {
     _files: ProcessOwned<PoolFiles>,
+    _not_inherited: NotInherited,
     _lock: File,
 }
 
@@ -27,7 +29,8 @@ impl NameLock {
             }
             if is_file_at(&lock, &path) {
                 let files = PoolFiles([runtime_dir.socket(name), path]);
-                return Ok(Some(NameLock { _files: ProcessOwned::new(files), _lock: lock }));
+                let (_files, _not_inherited) = (ProcessOwned::new(files), NotInherited::new(&lock));
+                return Ok(Some(NameLock { _files, _not_inherited, _lock: lock }));
             }
         }
     }

@@ -189,7 +189,7 @@ impl FolderUse {
     /// For a process that exits: gives up the files, also if batches are left that nothing will drop any
     /// more. Their memory stays mapped. Only other processes and the pool itself keep the folder now.
     pub fn end(&self) {
-        if let Some(shm_dir) = self.0.upgrade().filter(|shm_dir| shm_dir.usage.is_owned()) {
+        if let Some(shm_dir) = self.0.upgrade().filter(|shm_dir| shm_dir.usage.check().is_ok()) {
             shm_dir.usage.end();
         }
     }

@@ -69,9 +69,11 @@ pub(crate) fn of(error: &Error) -> Option<String> {
     } else if is(Errno::NOMEM) {
         Some(too_little_address_space())
     } else if is(Errno::NOSPC) {
-        // What the kernel could not reserve in whole, it has given back.
-        let free = statvfs("/dev/shm").map_or(0, |stat| stat.f_bavail * stat.f_frsize);
-        Some(format!("/dev/shm has only {free} bytes free: {MORE_SHM}"))
+        // What the kernel could not reserve in whole, it has given back, so it may have much room now.
+        Some(full("/dev/shm", MORE_SHM).unwrap_or_else(|| {
+            let free = statvfs("/dev/shm").map_or(0, |stat| stat.f_bavail * stat.f_frsize);
+            format!("/dev/shm has only {free} bytes free: {MORE_SHM}")
+        }))
     } else if is(Errno::AGAIN) {
         let text = "too many threads or too little memory for one: raise the limit (`ulimit -u`, \
                     `docker run --pids-limit`, `ulimit -v`) or use fewer threads";
@@ -103,10 +105,10 @@ pub(crate) fn full(folder: impl Display, remedy: &str) -> Option<String> {
     let free = stat.f_bavail * stat.f_frsize;
     if stat.f_flag.contains(StatVfsMountFlags::RDONLY) {
         Some(format!("{folder} is on a read-only file system: {remedy}"))
-    } else if free < FEW_BYTES {
-        Some(format!("{folder} has {free} bytes free: {remedy}"))
     } else if stat.f_files > 0 && stat.f_favail == 0 {
         Some(format!("{folder} has no room for another file: {remedy}"))
+    } else if free < FEW_BYTES {
+        Some(format!("{folder} has {free} bytes free: {remedy}"))
     } else {
         None
     }

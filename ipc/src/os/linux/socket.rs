@@ -1,5 +1,6 @@
 //! Control sockets: Unix sockets in the runtime folder, and the ends of the processes behind them.
 
+use super::NotInherited;
 use super::files::PRIVATE;
 use crate::os::{Direction, Ready};
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
@@ -9,11 +10,24 @@ use rustix::process::{Pid, PidfdFlags, pidfd_open};
 use std::fs::File;
 use std::io::Result;
 use std::os::fd::{AsFd, OwnedFd};
+use std::os::unix::net::UnixListener;
 use std::path::Path;
 use std::time::Duration;
 
 pub(crate) type Stream = std::os::unix::net::UnixStream;
-pub(crate) type Listener = std::os::unix::net::UnixListener;
+
+/// Listens until it is dropped.
+pub(crate) struct Listener {
+    _not_inherited: NotInherited,
+    socket: UnixListener,
+}
+
+impl Listener {
+    /// The next connection.
+    pub(crate) fn accept(&self) -> Result<Stream> {
+        Ok(self.socket.accept()?.0)
+    }
+}
 
 /// Readable when a process ends.
 pub(crate) type Process = OwnedFd;
@@ -43,7 +57,7 @@ pub(crate) fn listen_at(path: &Path) -> Result<Listener> {
     fchmod(&socket, Mode::from_raw_mode(PRIVATE))?;
     bind(&socket, &SocketAddrUnix::new(path)?)?;
     listen(&socket, LISTEN_BACKLOG)?;
-    Ok(Listener::from(socket))
+    Ok(Listener { _not_inherited: NotInherited::new(&socket), socket: socket.into() })
 }
 
 /// Two ends that are connected.
@@ -127,7 +141,7 @@ pub(crate) fn wait<'a>(
     connections: impl Iterator<Item = Waiting<'a>>,
     within: Duration,
 ) -> Ready {
-    let mut fds = vec![PollFd::new(stop, PollFlags::IN), PollFd::new(listener, PollFlags::IN)];
+    let mut fds = vec![PollFd::new(stop, PollFlags::IN), PollFd::new(&listener.socket, PollFlags::IN)];
     let mut owner = Vec::new();
     for (index, Waiting { stream, direction, process }) in connections.enumerate() {
         fds.push(PollFd::new(stream, direction.into()));

@@ -147,10 +147,10 @@ impl Listener {
         locked(&LISTENERS).get(&self.0).is_some_and(|waiting| !waiting.is_empty())
     }
 
-    /// The next connection, with nothing about its other end.
-    pub(crate) fn accept(&self) -> Result<(Stream, ())> {
+    /// The next connection.
+    pub(crate) fn accept(&self) -> Result<Stream> {
         let next = locked(&LISTENERS).get_mut(&self.0).and_then(VecDeque::pop_front);
-        next.map(|stream| (stream, ())).ok_or(ErrorKind::WouldBlock.into())
+        next.ok_or(ErrorKind::WouldBlock.into())
     }
 }
 
@@ -250,7 +250,7 @@ mod tests {
         let listener = listen_at(path).unwrap();
         assert_eq!(listener.accept().err().map(|error| error.kind()), Some(ErrorKind::WouldBlock));
         let mut client = connect(path).unwrap();
-        let (mut server, ()) = listener.accept().unwrap();
+        let mut server = listener.accept().unwrap();
         let mut read = [0; 8];
         assert!(!is_ready(&server, Direction::Read, Duration::ZERO) && is_open(&server));
         assert_eq!(server.read(&mut read).err().map(|error| error.kind()), Some(ErrorKind::WouldBlock));

@@ -103,6 +103,12 @@ impl Battle {
         self.generator = Generator::new(seed);
     }
 
+    /// Forgets what earlier episodes leave to later ones, which only the published fault of SMACv2's interface
+    /// does: the greatest return. A reset should follow.
+    pub fn forget_episodes(&mut self) {
+        self.perceiver = self.perceiver.take().map(|_| Box::default());
+    }
+
     /// The generator of execution orders.
     pub fn generator(&self) -> &Generator {
         &self.generator

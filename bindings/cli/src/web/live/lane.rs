@@ -53,7 +53,7 @@ impl WatchedLane {
         };
         let mut never = || false;
         let wait = WaitOptions::interrupted_by(&mut never);
-        let setup = lane_scenario(runtime_dir, &pool.pool, Some(lane), wait)?;
+        let (_, setup) = lane_scenario(runtime_dir, &pool.pool, Some(lane), wait)?;
         let battles = Arc::new(Battles::of(&setup, description.settings.n_past())?);
         let cells = Cells::new(description.settings.num_envs);
         Ok(WatchedLane { description, spectator, battles, cells, read: Instant::now(), is_alive: true })
