@@ -2,7 +2,7 @@
 #     docker build --tag smaclite-pool .
 #     docker run --rm --shm-size=1g smaclite-pool smaclite-pool doctor
 # A pool keeps its batches in /dev/shm, of which Docker gives a container 64 MB: set --shm-size. Pool and learner in two
-# containers: compose.yaml, docs/how-to/docker.md.
+# containers: compose.yaml, docs/how-to/operating.md.
 
 FROM rust:1-slim-trixie AS build
 # hadolint ignore=DL3008

@@ -148,7 +148,7 @@ def editor() -> str:
     """Where the editor is on the site, if it is."""
     if not EDITOR.exists():
         return "The documentation site has it as a page of its own (`just playground` makes it)."
-    page = "[a page of this site](../playground/editor.html)"
+    page = "[a page of this site](playground/editor.html)"
     return f"Without an installation, it is {page}, which saves by download."
 
 

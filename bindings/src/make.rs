@@ -61,7 +61,7 @@ const MAX_LANES: usize = 64;
 ///     opponent: who plays the enemies: a name of `OPPONENTS`; a trained team, as "zoo:3m" or by the folder
 ///         of its run; or a dictionary of such names and weights, of which each episode draws one from the
 ///         environment's generator. None: "attack_move", or "learner" if actions play both sides. See
-///         `docs/reference/opponents.md`.
+///         `docs/reference/policies.md`.
 ///     sides: which sides actions play: "allies" or "both". With both, joint actions have `n_agents +
 ///         n_enemies` numbers, and batches have the fields `enemy_*`. See `docs/reference/both-sides.md`.
 ///     mirror: with both sides, reflect what the enemies see and do at the centre of the map, so that one
@@ -72,7 +72,7 @@ const MAX_LANES: usize = 64;
 ///         `docs/concepts/generated-battles.md`.
 ///     rewards: SMAC's reward options, `reward_sparse`, `reward_only_positive`, `reward_death_value`,
 ///         `reward_win`, `reward_defeat`, `reward_negative_scale`, `reward_scale` and `reward_scale_rate`, as
-///         in a scenario file; they are added to the scenario's own. See `docs/reference/rewards.md`.
+///         in a scenario file; they are added to the scenario's own. See `docs/reference/observations.md`.
 ///     smacv2: options of SMACv2's interface, as in a scenario file; they are added to the scenario's own.
 ///     fields: names of the batch fields to compute; None for all. `env_id`, `reward`, `terminated` and
 ///         `truncated` are always included.

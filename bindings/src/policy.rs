@@ -28,8 +28,7 @@ fn fields(side: Faction) -> [Field; 2] {
 /// the batch after the other.
 ///
 /// Args:
-///     name: one of the policies of the page "Scripted policies" of the
-///         documentation describes them.
+///     name: one of the policies that `docs/reference/policies.md` describes.
 ///     envs: the environments to play in, or a wrapper of them, with the fields `state` and
 ///         `avail_actions`.
 ///     seed: of `random`, from 0 to `2**64 - 1`; None for one of the seed of `envs` and the

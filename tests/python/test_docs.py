@@ -56,36 +56,34 @@ NOT_RUN: dict[str, dict[str, str]] = {
         "cd examples": OTHER_CODE,
         "scenario_args": OTHER_CODE,
     },
-    "frameworks/on-policy.md": {"+from smaclite_pool": OTHER_CODE},
+    "frameworks/index.md": {"+from smaclite_pool": OTHER_CODE},
     "how-to/datasets.md": {
         "smaclite-pool train": "needs a run that wins; test_dataset.py and the tests of the program record",
         "python -m": "needs the dataset above; test_dataset.py runs it",
         "smaclite-pool dataset export": "needs the dataset above; test_dataset.py runs it",
     },
-    "how-to/docker.md": {
+    "how-to/operating.md": {
+        "[Unit]": "needs systemd",
+        "systemctl": "needs systemd",
+        "SMACLITE_POOL_ROOT": "needs the service above",
         "docker build": DOCKER,
         "docker run --rm": DOCKER,
         "docker run -d": DOCKER,
         "docker compose": DOCKER,
-    },
-    "how-to/editor.md": {"smaclite-pool edit": SERVES},
-    "how-to/play.md": {
-        "smaclite-pool play": SERVES,
-        "smaclite-pool replay": "needs a battle that a person played; test_play.py has one",
+        "sbatch": "needs a cluster",
+        "ray start": "needs a cluster",
+        "python -m": "test_ray.py runs the program",
     },
     "how-to/pytorch-learners.md": {
         "pip install": INSTALLS,
         "smaclite-pool train 2s3z --steps 1 ": "needs the weights of the run before, which is not run",
     },
-    "how-to/ray.md": {"ray start": "needs a cluster", "python -m": "test_ray.py runs the program"},
     "how-to/training.md": {"export SMACLITE_PYTHON": "needs the published environment"},
-    "how-to/slurm.md": {"sbatch": "needs a cluster"},
-    "how-to/systemd.md": {
-        "[Unit]": "needs systemd",
-        "systemctl": "needs systemd",
-        "SMACLITE_POOL_ROOT": "needs the service above",
+    "playground.md": {
+        "smaclite-pool play": SERVES,
+        "smaclite-pool replay": "needs a battle that a person played; test_play.py has one",
+        "smaclite-pool edit": SERVES,
     },
-    "reference/opponents.md": {"just figures": CLONE},
     "reference/policies.md": {
         "let mut policy": "an excerpt; the documentation of the crate has a test",
         "just figures": CLONE,
@@ -479,7 +477,7 @@ def test_pages_get_what_they_take_from_the_package() -> None:
     pages = {
         name: hooks.on_page_markdown((DOCS / name).read_text(), page, config) for name, page in files.items()
     }
-    assert "[Dockerfile](https://github.com/a/b/blob/main/Dockerfile)" in pages["how-to/docker.md"]
+    assert "[Dockerfile](https://github.com/a/b/blob/main/Dockerfile)" in pages["how-to/operating.md"]
     assert "| `obs` | float32 | [M, n_agents, obs_size] |" in pages["concepts/batches.md"]
     assert "| `terrain_preset` |" in pages["reference/scenario-files.md"]
     assert "| `hp` | float64 | [n_units] |" in pages["reference/snapshots.md"]
@@ -496,7 +494,7 @@ def test_tables_of_benchmarks_are_those_of_the_files() -> None:
 
 
 def test_quoted_sizes_of_pools_are_those_that_serve_prints(session: Session) -> None:
-    page = (DOCS / "concepts/memory.md").read_text()
+    page = (DOCS / "concepts/batches.md").read_text()
     sizes = re.findall(r"(\w+) with (\d+) environments (?:needs )?([\d.]+) MB", " ".join(page.split()))
     assert len(sizes) == 3
     for scenario, num_envs, megabytes in sizes:

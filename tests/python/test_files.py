@@ -1,4 +1,4 @@
-"""Every cell of the table in docs/reference/files.md: what is written, and who reads it.
+"""Every cell of the table in docs/reference/cli.md: what is written, and who reads it.
 
 What one part of the program writes was refused by another, or the refusal was no help: "it is not UTF-8 text"
 for a replay, ten missing keys for a unit type, an editor for the page of a replay.
@@ -21,7 +21,7 @@ import smaclite_pool as sp
 
 from conftest import SERVES_ITSELF, SERVES_OTHER_PROCESSES, posix
 
-PAGE = Path(__file__).resolve().parents[2] / "docs/reference/files.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs/reference/cli.md"
 
 FILE = "FILE"
 READERS: dict[str, dict[str, list[str]]] = {

@@ -1,4 +1,4 @@
-"""The learners of docs/how-to/two-learners.md, which and whose pool are killed while they learn."""
+"""The learners of docs/how-to/self-play.md, which and whose pool are killed while they learn."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import pytest
 
 from conftest import Serve
 
-PAGE = Path(__file__).resolve().parents[2] / "docs/how-to/two-learners.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs/how-to/self-play.md"
 POOL = ["3m:16", "--sides", "both", "--mirror", "--name", "arena"]
 
 

@@ -77,7 +77,7 @@ class MultiAgentEnv(Queries, Details):
             for slow motion; None for no waiting.
 
     Raises Unavailable for options without a meaning here, ScenarioError for an invalid scenario or reward
-    option, and InvalidRequest for another invalid value. docs/reference/rewards.md says how rewards are
+    option, and InvalidRequest for another invalid value. docs/reference/observations.md says how rewards are
     computed.
 
     Shapes use A for `n_agents`, E for `n_enemies` and N for `n_actions`.
