@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 import smaclite_pool as sp
+from numpy.typing import ArrayLike, NDArray
 
 from conftest import Serve, posix
 
@@ -56,6 +57,26 @@ def team(seed: int | None) -> Bits:
         return policy(batch).tobytes() + policy(batch).tobytes()
 
 
+class Watched(sp.extras.Wrapper):
+    """Keeps the actions of every step."""
+
+    def __init__(self, envs: sp.Envs) -> None:
+        super().__init__(envs)
+        self.actions: list[NDArray[np.integer[Any]]] = []
+
+    def change_actions(self, actions: ArrayLike) -> ArrayLike:
+        self.actions.append(np.array(actions))
+        return actions
+
+
+def evaluated(seed: int | None) -> list[NDArray[np.integer[Any]]]:
+    """The actions of agents and enemies that `random` chooses first in an evaluation."""
+    with sp.make("3m", 16, seed=3, threads=1, sides="both", episode_limit=5) as envs:
+        watched = Watched(envs)
+        sp.evaluate(watched, "random", 16, seed, against="random")
+        return np.split(watched.actions[0], 2, axis=1)
+
+
 def reset_to(seed: int) -> Bits:
     with sp.make("10m_vs_11m", 2, seed=3, threads=1) as envs:
         return played(envs, seed=seed)
@@ -77,7 +98,7 @@ def opponents(seed: int) -> Bits:
 
 ROWS: dict[str, Callable[[Any], Bits]] = {
     "make": battles, "reset": reset_to, "restore": reseeded, "opponents": opponents, "sampler": sampled,
-    "scripted": scripted, "team": team,
+    "scripted": scripted, "team": team, "evaluation": lambda seed: np.hstack(evaluated(seed)).tobytes(),
 }  # fmt: skip
 
 
@@ -111,6 +132,37 @@ def test_without_seeds_of_their_own_policies_follow_the_environments() -> None:
     with sp.make("3m", 2, seed=3, threads=1) as envs:
         envs.reset()
         assert envs.sample_actions().tobytes() == first
+
+
+def test_one_seed_of_an_evaluation_is_not_that_of_both_sides() -> None:
+    """Both `random` scripts drew the same numbers: units did the same as their enemies, which fired less than
+    independent ones, and the mean return on 3m was 1.45 instead of 1.80."""
+    agents, enemies = evaluated(5)
+    with sp.make("3m", 16, seed=3, threads=1, sides="both") as envs:
+        batch = envs.reset(seed=5)
+        assert np.array_equal(batch.avail_actions, batch.enemy_avail_actions), "else they differ by chance"
+        assert np.array_equal(agents, sp.ScriptedPolicy("random", envs, seed=5)(batch))
+    assert (agents != enemies).mean() > 0.5
+
+
+def test_evaluations_without_a_seed_draw_other_actions() -> None:
+    """The scripts of every one had seed 0, so that the mean of several was no better than one of them."""
+    (first, its_enemies), (second, _) = evaluated(None), evaluated(None)
+    assert (first != second).mean() > 0.5 and (first != its_enemies).mean() > 0.5
+
+
+def test_one_seed_of_two_teams_is_not_that_of_both_sides() -> None:
+    """Both had the same noise, so that mirror images of units did the same: 73 % draws instead of 79 %."""
+    team, rival = sp.load_team("3m", seed=5), sp.load_team("3m", seed=5, side="enemies")
+    with sp.make("3m", 64, seed=3, threads=1, **rival.settings) as envs:
+        batch = envs.reset(seed=1)
+        np.testing.assert_allclose(batch.obs, batch.enemy_obs, atol=1e-6)  # else they differ by what they see
+        agents, enemies = team(batch), rival(batch)
+        assert (agents != enemies).mean() > 0.1
+        assert np.array_equal(enemies, sp.load_team("3m", seed=5, side="enemies")(batch))
+        logits = np.where(batch.avail_actions, team.logits(batch.obs), -np.inf)
+        noise = np.random.default_rng(5).gumbel(size=logits.shape)
+        assert np.array_equal(agents, (logits + noise).argmax(-1)), "a seed repeats its old actions"
 
 
 def test_a_seed_that_was_drawn_can_be_read_and_repeats_the_run() -> None:

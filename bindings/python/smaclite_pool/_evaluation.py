@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import secrets
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -10,8 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._native import Batch, Envs, ScriptedPolicy
-from ._requirements import suggests_keywords
-from ._spec import LaneSpec
+from ._requirements import require_environments, require_integer, suggests_keywords
 from ._wrapper import Wrapper
 from .errors import InvalidRequest
 
@@ -86,8 +86,9 @@ def evaluate(
         policy: a function from a batch to its actions, integers [M, n_agents], such as a team; or the name of
             a scripted policy. Whether it draws actions or takes the most probable ones is its own matter.
         episodes: how many episodes count, at least 1.
-        seed: as for `Envs.reset`: environment i is seeded with seed + i. It also is that of policies that are
-            given by name.
+        seed: as for `Envs.reset`: environment i is seeded with seed + i. A `policy` that is given by name
+            draws by it too, and such an `against` by another seed that follows from it. With None they draw
+            by new random seeds in every call.
         against: who plays the enemies, as `policy`, in environments that `sides="both"` made. The function
             gets batches as the enemies see them: `obs`, `state`, `avail_actions`, `alive` and `reward` are
             those of `enemy_obs` and so on. With `mirror=True` a team can play either side. An episode whose
@@ -136,12 +137,8 @@ def evaluate(
 def _check(envs: Any, policy: Any, episodes: int) -> None:
     if isinstance(policy, (Envs, Wrapper)):
         raise TypeError(f"the environments come first: evaluate(envs, policy, episodes), got {envs!r}")
-    if not isinstance(getattr(envs, "spec", None), LaneSpec):
-        raise TypeError(f"envs must be environments or a wrapper of them, got {type(envs).__name__}")
-    if isinstance(episodes, bool) or not isinstance(episodes, (int, np.integer)):
-        raise TypeError(f"episodes must be an integer, got {type(episodes).__name__}")
-    if episodes < 1:
-        raise InvalidRequest(f"episodes must be at least 1, got {episodes}")
+    require_environments(envs)
+    require_integer("episodes", episodes, 1)
     if envs.spec.autoreset_mode == "Disabled":
         raise InvalidRequest('evaluate needs autoreset_mode="NextStep" or "SameStep", got "Disabled"')
 
@@ -173,7 +170,7 @@ def _as_policy(
 ) -> Policy:
     if isinstance(policy, str):
         script: Any = policy
-        return ScriptedPolicy(script, envs, seed=seed or 0, side=side)
+        return ScriptedPolicy(script, envs, seed=_script_seed(seed, side), side=side)
     if not callable(policy):
         raise TypeError(
             f"{name} must be a function from a batch to its actions, or the name of a scripted policy, got "
@@ -185,6 +182,14 @@ def _as_policy(
         )
     result: Policy = policy
     return result
+
+
+def _script_seed(seed: int | None, side: Literal["allies", "enemies"]) -> int:
+    """Another one for each side: with equal ones, two `random` scripts would draw the same actions."""
+    if seed is None:
+        return secrets.randbits(64)
+    own = require_integer("seed", seed, 0)
+    return own if side == "allies" else int(np.random.SeedSequence([own, 1]).generate_state(1, np.uint64)[0])
 
 
 def _for_both_sides(envs: Envs | Wrapper, policy: Policy) -> Policy:

@@ -1,14 +1,16 @@
-"""What users of a lane require of it, in one wording."""
+"""What is required of arguments, and what users of a lane require of it, in one wording."""
 
 from __future__ import annotations
 
 import inspect
+import operator
 from collections.abc import Callable
 from difflib import get_close_matches
 from functools import wraps
 from typing import Any, TypeVar, cast
 
 from ._native import Envs
+from ._spec import LaneSpec
 from ._wrapper import Wrapper
 from .errors import InvalidRequest
 
@@ -31,6 +33,29 @@ def suggests_keywords(function: Function) -> Function:
     return cast(Function, checked)
 
 
+def require_integer(name: str, value: Any, least: int | None = None) -> int:
+    """The integer `value` of an argument, Python's or NumPy's; a float is none, even a whole one.
+
+    Raises TypeError, or InvalidRequest if it is below `least`, in the words of the compiled module.
+    """
+    if isinstance(value, bool):
+        raise TypeError(f"{name} must be an integer, got bool")
+    try:
+        number = operator.index(value)
+    except TypeError as error:
+        raise TypeError(f"{name} must be an integer, got {type(value).__name__}") from error
+    if least is not None and number < least:
+        bound = "not be negative" if least == 0 else f"be at least {least}"
+        raise InvalidRequest(f"{name} must {bound}, got {number}")
+    return number
+
+
+def require_environments(envs: Any) -> None:
+    """Raises TypeError unless these are environments of a lane, or a wrapper of them."""
+    if not isinstance(getattr(envs, "spec", None), LaneSpec):
+        raise TypeError(f"envs must be environments or a wrapper of them, got {type(envs).__name__}")
+
+
 def require_synchronous(envs: Envs | Wrapper, user: str, autoreset: str | None = None) -> None:
     """Check that batches have all environments and, if it is given, the autoreset mode.
 
@@ -39,8 +64,9 @@ def require_synchronous(envs: Envs | Wrapper, user: str, autoreset: str | None =
         user: what requires it: the subject of the message, such as "TorchRL".
         autoreset: the mode it needs; None for any.
 
-    Raises InvalidRequest.
+    Raises InvalidRequest, or TypeError if they are no environments.
     """
+    require_environments(envs)
     spec = envs.spec
     if spec.batch_size != spec.num_envs:
         raise InvalidRequest(

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._native import ZOO, read_team
+from ._requirements import require_integer
 from ._units_network import UnitsNetwork
 from .errors import InvalidRequest
 
@@ -82,6 +83,10 @@ class Team:
             raise InvalidRequest(f'weights must be None, "best" or "last", got {weights!r}')
         if side not in ("allies", "enemies"):
             raise InvalidRequest(f'side must be "allies" or "enemies", got {side!r}')
+        self.seed = secrets.randbits(53) if seed is None else require_integer("seed", seed, 0)
+        """Of the generator that draws actions."""
+        # Another one per side: two teams with one seed would have the same noise, and so play alike.
+        self._random = np.random.default_rng(self.seed if side == "allies" else [self.seed, 1])
         run = read_team(self.folder, weights, map)
         self.scenario: str = run["scenario"]
         """The name of the scenario that it plays: that of its training, or `map`."""
@@ -106,9 +111,6 @@ class Team:
         else:
             self._network = UnitsNetwork(tensors, units["obs"], units["targets"], hidden)
         self._obs_shape: tuple[int, int] = tuple(run["obs_shape"])
-        self.seed = secrets.randbits(53) if seed is None else seed
-        """Of the generator that draws actions."""
-        self._random = np.random.default_rng(self.seed)
 
     def __repr__(self) -> str:
         side = ", plays the enemies" if self.side == "enemies" else ""
@@ -176,12 +178,14 @@ def load_team(
         weights: those of the best evaluation of the run (`"best"`) or its last ones (`"last"`). None for the
             best ones if the run was evaluated and did not play itself, else the last.
         greedy: take the most probable actions, instead of drawing them.
-        seed: of the generator that draws them; None for a random one, which `Team.seed` has.
+        seed: of the generator that draws them, at least 0; None for a random one, which `Team.seed` has.
+            Teams of the two sides draw independently, also with equal seeds.
         side: which units it plays: `"allies"`, or `"enemies"`, from `enemy_obs` and `enemy_avail_actions`.
         map: the scenario that it plays instead of that of its training, a name or a file. Its networks must
             be `universal` (`train --network universal` or `--maps`).
 
-    Raises InvalidRequest if there is no such team, its files are damaged, or it does not play that map.
+    Raises InvalidRequest if there is no such team, its files are damaged, it does not play that map, or the
+    seed is negative.
     """
     name = fspath(team)
     if "/" in name or name.startswith("zoo:") or Path(name).exists():
