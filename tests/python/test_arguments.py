@@ -235,6 +235,56 @@ def test_errors_about_the_value_name_the_argument_and_keep_their_cause(envs: sp.
         assert raised.value.__cause__ is cause, argument
 
 
+def integers(envs: sp.Envs) -> dict[str, Callable[[Any], object]]:
+    """Calls of functions in Python, by their arguments: the compiled module checks its own."""
+    from smaclite_pool.marl.smac import MultiAgentEnv
+    from smaclite_pool.marl.smacv2 import StarCraft2Env
+
+    def agent(value: Any) -> object:
+        return sp.extras.AgentViews(envs).describe(envs.reset(), 0, value)
+
+    def smac_env(value: Any) -> None:
+        MultiAgentEnv("3m", seed=value).close()
+
+    smac, smacv2 = MultiAgentEnv("3m", seed=1), StarCraft2Env("3m", seed=1)
+    return {
+        "seed of load_team": lambda v: sp.load_team("3m", seed=v),
+        "seed of evaluate": lambda v: sp.evaluate(envs, "random", 2, seed=v, against=all_stop),
+        "seed of evaluate, of enemies": lambda v: sp.evaluate(envs, all_stop, 2, seed=v, against="random"),
+        "episodes of evaluate": lambda v: sp.evaluate(envs, all_stop, v, against="random"),
+        "episodes of evaluate_function": lambda v: sp.extras.evaluate_function("3m", lambda view: "stop", v),
+        "steps of Rollout": lambda v: sp.extras.Rollout(envs, v),
+        "agent of AgentViews": agent,
+        "seed of SMAC": smac_env,
+        "seed of SMAC's seed": smac.seed,
+        "seed of SMACv2": lambda v: StarCraft2Env("3m", seed=v),
+        "seed of SMACv2's seed": smacv2.seed,
+    }
+
+
+def all_stop(batch: sp.Batch) -> NDArray[np.int64]:
+    """Stop, or no-op of the dead."""
+    return np.where(batch.avail_actions[..., 1], 1, 0)
+
+
+def test_integers_are_named_when_they_are_none() -> None:
+    """Errors were those of NumPy and Python: "expected non-negative integer" for `load_team(seed=-1)`; or
+    there was none, and 1.5 was 1."""
+    wrong: list[Any] = [1.5, "1", [1], True]
+    valid: list[Any] = [1, np.int64(1), np.uint8(1), np.array(1)]
+    with sp.make("3m", 2, threads=1, sides="both", episode_limit=5) as envs:
+        for call, use in integers(envs).items():
+            name = call.split()[0]
+            for value in wrong:
+                with pytest.raises(TypeError) as raised:
+                    use(value)
+                assert str(raised.value) == f"{name} must be an integer, got {type(value).__name__}", call
+            with pytest.raises(sp.errors.InvalidRequest, match=f"^{name} must .*, got -1$"):
+                use(-1)
+            for value in valid:
+                use(value)
+
+
 def test_a_boolean_env_id_says_how_to_get_ids(envs: sp.Envs) -> None:
     with pytest.raises(TypeError, match=r"env_id must be an integer array, got bool \(numpy.flatnonzero"):
         envs.reset(env_id=np.ones(N, bool))

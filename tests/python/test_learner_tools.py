@@ -6,6 +6,7 @@ import ast
 import importlib.util
 import inspect
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -63,6 +64,13 @@ def test_a_rollout_holds_copies_of_consecutive_batches() -> None:
             sp.extras.Rollout(envs, 1, ["rewards"])
         with pytest.raises(sp.errors.InvalidRequest, match="steps must be at least 1, got 0"):
             sp.extras.Rollout(envs, 0)
+        wrong: list[Any] = ["obs", 3, [3], [["obs"]]]
+        for fields in wrong:
+            message = f'fields must be a list of strings, such as ["obs"], got {type(fields).__name__}'
+            with pytest.raises(TypeError, match=f"^{re.escape(message)}$"):
+                sp.extras.Rollout(envs, 3, fields=fields)
+        with pytest.raises(TypeError, match="^envs must be environments or a wrapper of them, got str$"):
+            sp.extras.Rollout("3m", 3)  # type: ignore[arg-type]
     with sp.make("3m", 4, batch_size=2) as envs:
         with pytest.raises(sp.errors.InvalidRequest, match="batch_size must be num_envs=4, got 2"):
             sp.extras.Rollout(envs, 5)

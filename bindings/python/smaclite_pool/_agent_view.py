@@ -17,6 +17,7 @@ from ._evaluation import Evaluation, evaluate
 from ._layout import FeatureBlock, feature_blocks, unwrapped
 from ._native import make
 from ._native import scenario as native_scenario
+from ._requirements import require_integer
 from .errors import InvalidRequest
 from .types import UnitType
 
@@ -221,7 +222,7 @@ class AgentViews:
         slots = np.flatnonzero(batch.env_id == env)
         if len(slots) == 0:
             raise InvalidRequest(f"env must be in the batch, whose env_id are {batch.env_id}, got {env}")
-        if not 0 <= agent < len(self.allies):
+        if not 0 <= require_integer("agent", agent) < len(self.allies):
             raise InvalidRequest(f"agent must be between 0 and {len(self.allies) - 1}, got {agent}")
         return AgentView(self, batch, int(slots[0]), agent)
 
@@ -326,7 +327,7 @@ def evaluate_function(
 
     Raises as `make`, `PerAgent` and `evaluate`.
     """
-    num_envs = max(1, min(episodes, 64)) if num_envs is None else num_envs
+    num_envs = min(require_integer("episodes", episodes, 1), 64) if num_envs is None else num_envs
     with make(scenario, num_envs, seed=seed, **options) as envs:
         return evaluate(envs, PerAgent(envs, function), episodes, seed)
 

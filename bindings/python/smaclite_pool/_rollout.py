@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ._requirements import require_synchronous
+from ._requirements import require_integer, require_synchronous
 from .errors import InvalidRequest
 
 if TYPE_CHECKING:
@@ -44,20 +44,20 @@ class Rollout:
 
     Raises:
         InvalidRequest: the environments are asynchronous, `steps` is below 1, or the lane omits a field.
+        TypeError: an argument has the wrong type.
     """
 
     def __init__(self, envs: Envs | Wrapper, steps: int, fields: Iterable[str] | None = None) -> None:
         require_synchronous(envs, "a rollout")
-        if steps < 1:
-            raise InvalidRequest(f"steps must be at least 1, got {steps}")
+        self.steps = require_integer("steps", steps, 1)
         known = {**envs.spec.fields}
-        names = list(dict.fromkeys([*(known if fields is None else fields), "was_reset"]))
-        for name in names:
+        chosen = [*known] if fields is None else _names(fields)
+        for name in chosen:
             if name not in known:
                 raise InvalidRequest(f"fields must be among {', '.join(known)}, got {name!r}")
-        self.steps = steps
         self.arrays: dict[str, NDArray[Any]] = {
-            name: np.zeros((steps + 1, *known[name][1]), known[name][0]) for name in names
+            name: np.zeros((self.steps + 1, *known[name][1]), known[name][0])
+            for name in dict.fromkeys([*chosen, "was_reset"])
         }
 
     def __getattr__(self, name: str) -> NDArray[Any]:
@@ -72,3 +72,11 @@ class Rollout:
             raise IndexError(f"row {t} of a rollout with rows 0 to {self.steps}")
         for name, array in self.arrays.items():
             array[t] = getattr(batch, name)
+
+
+def _names(fields: Any) -> list[str]:
+    """As `make` reads its `fields`. A string is no list of its letters."""
+    names = [*fields] if isinstance(fields, Iterable) and not isinstance(fields, str) else None
+    if names is None or not all(isinstance(name, str) for name in names):
+        raise TypeError(f'fields must be a list of strings, such as ["obs"], got {type(fields).__name__}')
+    return names

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from ..._layout import Bools, Floats
 from ..._native import Recorder, scenario
 from ..._render import RENDER_MODES, BattleViewer
+from ..._requirements import require_integer
 from ...errors import InvalidRequest
 from ...integrations._common import SingleBattle, TimeStep
 from .._replay import save_replay
@@ -160,7 +161,7 @@ class MultiAgentEnv(Queries, Details):
         self.replay_dir, self.replay_prefix = replay_dir or "", replay_prefix or ""
         self.window_size = (window_size_x, window_size_y)
         self._viewer = BattleViewer(map_name, *self.window_size, speed=render_speed)
-        self._seed = secrets.randbits(32) if seed is None else int(seed)
+        self._seed = secrets.randbits(32) if seed is None else require_integer("seed", seed, 0)
         settings = {
             "seed": self._seed,
             "episode_limit": episode_limit,
@@ -259,7 +260,7 @@ class MultiAgentEnv(Queries, Details):
     def seed(self, seed: int | None = None) -> int:
         """Set the seed for the next `reset`, if one is given, and return the last seed."""
         if seed is not None:
-            self._seed = int(seed)
+            self._seed = require_integer("seed", seed, 0)
             self._battle.seed_next_reset(self._seed)
         return self._seed
 

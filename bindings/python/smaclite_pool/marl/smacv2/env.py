@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ..._layout import Floats
 from ..._native import CapabilityBattle
 from ..._render import RENDER_MODES, Window
+from ..._requirements import require_integer
 from ...errors import InvalidRequest
 from ..smac.env import check_fixed
 from ..smac.unavailable import Unavailable
@@ -125,7 +126,7 @@ class StarCraft2Env(Queries):
         self.window_size, self._window = (window_size_x, window_size_y), Window(f"smaclite_pool: {map_name}")
         self.capability_config = dict(capability_config or {})
         self._scenario = scenario_of(map_name, self.capability_config, self._options)
-        self._seed = secrets.randbits(32) if seed is None else int(seed)
+        self._seed = secrets.randbits(32) if seed is None else require_integer("seed", seed, 0)
         self._battle = CapabilityBattle(self._scenario, self._seed)
         self._next_seed: int | None = None
         self._last_actions: list[int] | None = None
@@ -229,7 +230,7 @@ class StarCraft2Env(Queries):
     def seed(self, seed: int | None = None) -> int:
         """Set the seed for the next `reset`, if one is given, and return the last seed."""
         if seed is not None:
-            self._seed = self._next_seed = int(seed)
+            self._seed = self._next_seed = require_integer("seed", seed, 0)
         return self._seed
 
     def get_stats(self) -> dict[str, float]:
