@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 
-from conftest import posix
+from conftest import Serve, posix
 
 SMALL = {"num_envs": 16, "horizon": 32, "threads": 2}
 
@@ -242,6 +242,29 @@ def test_arguments_are_those_of_python(tmp_path: Path) -> None:
         sp.train("--help", tmp_path / "c", steps=500)
     with pytest.raises(sp.errors.InvalidRequest, match="a team with default weights and sampled actions"):
         sp.train("3m", tmp_path / "d", opponent=sp.load_team("3m", greedy=True))
+
+
+def test_a_team_is_trained_on_a_running_pool(serve: Serve, tmp_path: Path) -> None:
+    """The default of `opponent` was an option of the program, which refuses one beside `pool`; and a list of
+    lanes was the name of one lane."""
+    lanes = ["one=3m:8", "two=3m:4"]
+    options = ["--opponent", "hold", "--obs-last-actions", "4", "--threads", "1", "--name", "train"]
+    serve(*lanes, *options)
+    records: list[dict[str, Any]] = []
+    team = sp.train(
+        "3m",
+        tmp_path / "run",
+        pool="train",
+        lane=["one", "two"],
+        steps=500,
+        horizon=32,
+        threads=1,
+        on_update=records.append,
+    )
+    assert records[0]["steps"] == pytest.approx(32 * (8 + 4), abs=12)  # without those that were resets
+    assert team.settings["opponent"] == {"hold": 1.0}
+    with pytest.raises(sp.errors.InvalidRequest, match="`opponent` cannot be used with `pool"):
+        sp.train("3m", tmp_path / "other", pool="train", opponent="kite")
 
 
 LEARNER = """

@@ -34,7 +34,7 @@ def train(
     *,
     steps: int | None = None,
     seed: int = 0,
-    opponent: str | PathLike[str] | Mapping[str, float] | Team = "attack_move",
+    opponent: str | PathLike[str] | Mapping[str, float] | Team | None = None,
     on_update: Callable[[dict[str, Any]], object] | None = None,
     **options: object,
 ) -> Team:
@@ -50,12 +50,13 @@ def train(
         steps: environment steps; by default as many as the program makes.
         seed: of weights, environments, actions and minibatches.
         opponent: who plays the enemies, as in `make`; or another team, as `load_team` returns it or by the
-            folder of its run; `"self"` or `"league"`.
+            folder of its run; `"self"` or `"league"`. None for `"attack_move"`, and on a running pool
+            (`pool="NAME"`), which has its own.
         on_update: called with the record of every update, the columns of `log.csv`; by default a line with
             steps, return and win rate is printed every two seconds, and at the end.
-        options: other options of the program, such as `num_envs=128`, `hidden=[32, 32]` or `zero_sum=True`;
-            but not `seeds`, `resume` or `maps`, which do not train one new team on one map, or `json`, which
-            is always given.
+        options: other options of the program, such as `num_envs=128`, `hidden=[32, 32]`, `zero_sum=True` or
+            `pool="train", lane=["one", "two"]`; but not `seeds`, `resume` or `maps`, which do not train one
+            new team on one map, or `json`, which is always given.
 
     Ctrl-C, or another exception, as one of `on_update`, ends the training after its last update, which is
     saved, and passes on: `smaclite-pool train --resume OUT` continues it. On Windows the update or evaluation
@@ -70,7 +71,9 @@ def train(
             f"`{refused[0]}` is no option of `train`, which trains one new team on one map: run "
             f"`smaclite-pool train --{refused[0]}`"
         )
-    given = {"out": fspath(out), "seed": seed, "opponent": opponent_text(opponent), "steps": steps, **options}
+    # What is not given is left to the program: it refuses some options beside others, such as `pool`.
+    enemies = None if opponent is None else opponent_text(opponent)
+    given = {"out": fspath(out), "seed": seed, "opponent": enemies, "steps": steps, **options}
     arguments = [text for name, value in given.items() for text in option(name, value)]
     # The scenario comes last: it may begin with a hyphen.
     argv = [sys.executable, "-m", "smaclite_pool", "train", "--json", *arguments, "--", fspath(scenario)]
@@ -105,6 +108,8 @@ def option(name: str, value: object) -> list[str]:
     if value is True:
         return [flag]
     if isinstance(value, Sequence) and not isinstance(value, str | bytes):
+        if name == "lane":  # a name may have no comma, and the program takes one at a time
+            return [f"{flag}={lane}" for lane in value]
         value = ",".join(map(str, value))
     return [f"{flag}={value}"]
 
