@@ -212,6 +212,20 @@ def test_minari_reads_the_episodes(
     assert done.returncode == 1 and "must be like smaclite/3m/good-v0" in done.stderr
 
 
+def test_the_space_of_a_dataset_for_minari_has_its_observations(tmp_path: Path) -> None:
+    """It was that of the map by its name, under other rules: states of drawn teams were outside of it."""
+    pytest.importorskip("gymnasium")
+    minari: Any = importlib.import_module("smaclite_pool.integrations.minari")
+    options = ["--rules", "starcraft", "--steps", "300", "--seed", "3"]
+    recorded = record(tmp_path / "drawn.smdata", *options, scenario="terran_5_vs_5")
+    dataset = sp.Dataset(recorded)
+    arrays, space = dataset.expand(), minari.environment(dataset)["observation_space"]
+    for t in range(len(arrays["reward"])):
+        seen = {"obs": arrays["obs"][t], "state": arrays["state"][t]}
+        seen["action_mask"] = arrays["avail_actions"][t].astype(np.int8)
+        assert space.contains(seen), t
+
+
 @pytest.mark.parametrize(
     ("map_file", "message"),
     [("", "--map-file must name its file"), ("nowhere.json", "nowhere.json")],

@@ -38,7 +38,7 @@ from typing import Any
 import numpy as np
 
 from .._layout import Bounds, layout_bounds
-from .._native import DATASET_ARRAYS, Dataset, scenario
+from .._native import DATASET_ARRAYS, Dataset, make, scenario
 from ..errors import InvalidRequest
 from ._export import Arrays, description, expanded, run
 from ._extra import extra
@@ -125,7 +125,9 @@ def environment(dataset: Dataset) -> dict[str, Any]:
     }
     bounds: dict[str, Bounds] = {}
     if dataset.scenario is not None:
-        info = scenario(dataset.scenario)
+        # By its settings: the bounds depend on the rules, too, and a name alone has those of `smaclite`.
+        with make(dataset.scenario, num_envs=1, **dataset.settings) as envs:
+            info = scenario(envs)
         bounds["obs"] = layout_bounds(info["obs_layout"], sizes["obs_size"])
         bounds["state"] = layout_bounds(info["state_layout"], sizes["state_size"])
     found: dict[str, Any] = {
