@@ -317,6 +317,19 @@ def test_page(place: str, session: Session) -> None:
         pytest.skip(f"not installed: {', '.join(sorted(session.missing))}")
 
 
+@pytest.mark.parametrize(
+    "place", [place(page) for page in PAGES if "until smaclite-pool" in page.read_text()]
+)
+def test_a_script_that_waits_for_its_pool_ends_without_it(place: str, session: Session) -> None:
+    """It waited for a pool that could not start until the job's time was over."""
+    [block] = [block for block in runnable(DOCS / place) if "until smaclite-pool" in block.code]
+    # Sockets have short paths, so there is no pool.
+    code = re.sub(r"(?<=SMACLITE_POOL_ROOT=).*", f"{session.folder}/{'x' * 100}", block.code)
+    argv = ["bash", "-c", code]
+    done = subprocess.run(argv, env=session.environment, cwd=session.folder, capture_output=True, timeout=30)
+    assert done.returncode == 1 and b"at most 60 bytes long" in done.stderr, done.stderr
+
+
 def docstrings(tree: ast.Module) -> Iterator[str]:
     for node in ast.walk(tree):
         if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
