@@ -188,6 +188,7 @@ impl Envs {
         let seeds = Seeds::new(seed, ids.map_or(self.description.settings.num_envs, <[i32]>::len))?;
         let mut guard = self.shared.try_lock()?;
         let (client, is_incomplete) = guard.to_reset();
+        let was_incomplete = *is_incomplete;
         *is_incomplete &= ids.is_some(); // a reset of all discards what was not received
         match start {
             Start::Scenario => seeds.reset(py, client, is_incomplete, ids, None, timeout),
@@ -203,7 +204,7 @@ impl Envs {
                 };
                 // A lane begins with a reset of all, which the snapshots then replace.
                 let deadline = Deadline::after(timeout);
-                if !send(client)? {
+                if was_incomplete || !send(client)? {
                     *is_incomplete = true;
                     wait_detached(py, deadline.left(), |wait| client.reset(None, None, wait))?;
                     send(client)?;

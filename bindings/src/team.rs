@@ -75,6 +75,5 @@ pub fn read_team<'py>(
 fn open_on(folder: &Path, weights: Option<Weights>, map: &str) -> Result<TrainedTeam, String> {
     let run = RunDescription::read(folder).map_err(|error| shown(&error))?;
     let setup = resolve_scenario(map, run.setup.rules).map_err(|error| shown(&error))?;
-    let setup = BattleSetup { opponents: run.setup.opponents, ..setup };
     TrainedTeam::open_on(folder, weights, setup).map_err(|error| shown(&error))
 }

@@ -257,3 +257,30 @@ def test_programs_with_a_seed_repeat_themselves() -> None:
         return subprocess.run([*command, "--json"], capture_output=True, text=True, check=True).stdout
 
     assert evaluated("1") == evaluated("1") != evaluated("2")
+
+
+def test_a_list_of_seeds_needs_no_more_batches_than_a_seed() -> None:
+    """It held the batch of its earlier request, and was refused in the middle."""
+    seeds = [5, 100, 7, 3]
+    with sp.make("terran_5_vs_5", 4, max_held_batches=2) as envs:
+        whole = envs.reset(seed=seeds).obs.copy()
+        held = envs.reset(seed=1)
+        assert (envs.reset(seed=seeds).obs == whole).all()
+        del held
+
+
+def test_a_session_does_not_depend_on_earlier_ones(serve: Serve) -> None:
+    """The published fault of SMACv2's reward scale, which adds up over resets, went on for the next learner."""
+    serve("terran_5_vs_5:2", "--name", "train", "--set", 'smacv2={"published": true}')
+
+    def play() -> Any:
+        with sp.connect("train") as envs:
+            envs.reset(seed=1)
+            envs.seed_sampler(1)
+            return np.array([envs.step(envs.sample_actions()).reward.copy() for _ in range(20)])
+
+    first = play()
+    with sp.connect("train") as envs:
+        for _ in range(5):
+            envs.reset(seed=9)
+    assert (play() == first).all()

@@ -3,11 +3,14 @@ learner that is stopped goes on afterwards."""
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
+from typing import Any
 
 import pytest
 import smaclite_pool as sp
@@ -185,3 +188,77 @@ if child == 0:
 print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 """
     assert run_script(script).stdout == "0\n"  # the fixture finds files that are left
+
+
+@pytest.mark.parametrize("kind", ["snapshots", "seeds"])
+def test_a_reset_that_ended_early_is_not_received_as_if_it_were_whole(serve: Serve, kind: str) -> None:
+    """`recv` returned the first of its requests: a plain reset instead of the snapshots, or the seeds of some."""
+    server = serve("3m:4", "--name", "train", "--fields", "obs,avail_actions,snapshot")
+    with sp.connect("train") as envs:
+        arguments: dict[str, Any] = {"seed": [5, 100, 7, 3]}
+        if kind == "snapshots":
+            envs.reset(seed=1)
+            arguments = {"snapshots": envs.step(envs.sample_actions()).snapshot.copy()}
+        whole = envs.reset(**arguments).obs.copy()
+    with sp.connect("train") as envs:
+        stop(server)
+        with pytest.raises(sp.errors.Timeout):
+            envs.reset(**arguments, timeout=0.2)
+        server.send_signal(signal.SIGCONT)
+        with pytest.raises(sp.errors.InvalidRequest, match="has no result; reset all environments"):
+            envs.recv()
+        assert (envs.reset(**arguments).obs == whole).all()
+        stop(server)
+        with pytest.raises(sp.errors.Timeout):
+            envs.reset(seed=9, timeout=0.2)  # of one request, so it can be received
+        server.send_signal(signal.SIGCONT)
+        assert len(envs.recv().env_id) == 4
+
+
+def test_a_recorder_is_used_by_one_thread_of_one_process(serve: Serve) -> None:
+    """Another thread's call was waited for, deaf to Ctrl-C, and in a forked child for ever."""
+    server = serve("3m:1", "--name", "train")
+    with sp.Recorder("train") as recorder:
+        stop(server)
+        thread = threading.Thread(target=lambda: recorder.n_complete)
+        thread.start()
+        busy = 0
+        while not busy:
+            try:
+                _ = recorder.n_lost
+            except sp.errors.Busy:
+                busy += 1
+        child = os.fork()
+        if child == 0:
+            try:
+                _ = recorder.n_lost
+            except sp.errors.Forked:
+                os._exit(0)
+            finally:
+                os._exit(1)
+        assert os.waitpid(child, 0)[1] == 0
+        server.send_signal(signal.SIGCONT)
+        thread.join()
+
+
+def test_dropped_environments_do_not_stop_the_interpreter(serve: Serve, tmp_path: Path) -> None:
+    """A recording that was read at the end held it for ten seconds, without Ctrl-C and other threads."""
+    server = serve("3m:1", "--name", "train")
+    envs = sp.connect("train", record=tmp_path / "a.smreplay")
+    envs.reset(seed=1)
+    stop(server)
+    beats = [time.monotonic()]
+    ended = threading.Event()
+
+    def beat() -> None:
+        while not ended.wait(0.01):
+            beats.append(time.monotonic())
+
+    thread = threading.Thread(target=beat)
+    thread.start()
+    del envs
+    ended.set()
+    thread.join()
+    server.send_signal(signal.SIGCONT)
+    # Another thread ran while it was waited for; how often depends on the machine.
+    assert len(beats) > 10

@@ -69,11 +69,11 @@ struct Record {
     scenario: Option<String>,
     /// Rules of the battles of a scripted policy: smaclite (as the published environment plays), paper (as
     /// its paper describes) or starcraft (nearer to the real battles) [default: smaclite]
-    #[arg(long, requires = "scenario")]
+    #[arg(long)]
     rules: Option<Rules>,
     /// Who plays the enemies: attack_move, attack_nearest or a scripted policy; or several with weights, such
     /// as attack_move=0.5,focus_fire=0.5, of which each episode draws one [default: the scripts of the
-    /// training; attack_move for a scripted policy, and if a team played the enemies in training]
+    /// training, or attack_move if a team played them; the scenario's own for a scripted policy]
     #[arg(long, value_name = "NAME|WEIGHTS")]
     opponent: Option<Opponents>,
     /// Episode i is seeded with SEED + i; actions are drawn from the seed too
@@ -193,10 +193,10 @@ impl Record {
                 Ok(Source::Script { setup: BattleSetup { opponents, ..setup }, tactic })
             }
             Err(_) if names_team(source) => {
-                if scenario.is_some() {
-                    let text = "--scenario has no effect on a run, which plays what it was trained in; leave \
-                                it out";
-                    return Err(text.into());
+                let given = [("--scenario", scenario.is_some()), ("--rules", self.rules.is_some())];
+                if let Some((option, _)) = given.into_iter().find(|(_, is_given)| *is_given) {
+                    let text = "has no effect on a run, which plays what it was trained in; leave it out";
+                    return Err(format!("{option} {text}").into());
                 }
                 let (folder, opponents) = (PathBuf::from(source), opponent.clone());
                 Ok(Source::Run { folder, quality: *quality, opponents })

@@ -3,7 +3,7 @@
 use super::{CommandResult, THREADS, completions, replay, runtime_dir};
 use crate::check::warn_of;
 use crate::number::{count, seed};
-use crate::opponent::OpponentOption;
+use crate::opponent::{OpponentOption, warn_of_other_rules};
 use crate::process::interrupt_flag;
 use clap::Args;
 use smaclite_engine::IllegalAction;
@@ -74,10 +74,13 @@ impl Evaluate {
             }
         };
         let weights = self.weights;
+        let rules = RunDescription::read(&self.folder)?.setup.rules;
+        if let Some(folder) = &opponent_team {
+            warn_of_other_rules(folder, rules)?;
+        }
         let map = match &self.map {
             None => None,
             Some(name) => {
-                let rules = RunDescription::read(&self.folder)?.setup.rules;
                 let map = resolve_scenario(name, rules)?;
                 warn_of(&map.files);
                 Some(map)
@@ -87,7 +90,7 @@ impl Evaluate {
             Evaluation { episodes, seed, weights, greedy, threads, opponents, opponent_team, map };
         let mut recording = match &self.record {
             Some(file) => {
-                replay::check_suffix("--record", file)?;
+                replay::check_file("--record", file)?;
                 Some(Recording::new(&self.folder, &evaluation)?)
             }
             None => None,

@@ -3,9 +3,9 @@
 
 use crate::number::{count, whole};
 use clap::Args;
-use smaclite_engine::{Opponents, OpponentsError, Sides};
-use smaclite_learn::{Enemies, SelfPlay, names_team};
-use std::path::PathBuf;
+use smaclite_engine::{Opponents, OpponentsError, Rules, Sides};
+use smaclite_learn::{Enemies, FileError, RunDescription, SelfPlay, names_team};
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 /// Who plays the enemies.
@@ -45,6 +45,19 @@ impl FromStr for OpponentOption {
             Err(error) => Err(OpponentOptionError::Neither(error)),
         }
     }
+}
+
+/// Says that a team which is to play the enemies was trained with other rules than those of the battles.
+pub(super) fn warn_of_other_rules(folder: &Path, rules: Rules) -> Result<(), FileError> {
+    let of_team = RunDescription::read(folder)?.setup.rules;
+    if of_team != rules {
+        let folder = folder.display();
+        err!(
+            "smaclite-pool: warning: the team `{folder}` was trained with rules {of_team}, and the battles \
+             have rules {rules}"
+        );
+    }
+    Ok(())
 }
 
 #[derive(Args, Clone, Copy)]

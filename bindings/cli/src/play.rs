@@ -2,7 +2,7 @@
 
 use crate::check::warn_of;
 use crate::number::seed;
-use crate::opponent::OpponentOption;
+use crate::opponent::{OpponentOption, warn_of_other_rules};
 use crate::web::playground::Playground;
 use crate::web::{ServeOptions, serve};
 use crate::zoo::team_files;
@@ -27,8 +27,9 @@ pub(super) struct Play {
     /// Who plays the enemies: attack_move, attack_nearest or a scripted policy; several with weights, such as
     /// attack_move=0.5,focus_fire=0.5, of which each battle draws one; or a team, by the folder of a run
     /// or as zoo:SCENARIO, which sees the map turned by half a turn and needs a scenario with two equal sides
-    #[arg(long, default_value = "attack_move", value_name = "PLAYER")]
-    against: OpponentOption,
+    /// [default: the scenario's own]
+    #[arg(long, value_name = "PLAYER")]
+    against: Option<OpponentOption>,
     /// Seed of the first battle; each later one has the next number
     #[arg(long, default_value_t = 0, value_parser = seed())]
     seed: u64,
@@ -53,16 +54,18 @@ impl Play {
         warn_of(&setup.files);
         let mut teams = vec![team_files(Path::new("zoo:all-maps"), "all-maps")?];
         let (opponents, opponent) = match self.against {
-            OpponentOption::Scripts(opponents) => match opponents.weights() {
+            None => (setup.opponents.clone(), String::new()),
+            Some(OpponentOption::Scripts(opponents)) => match opponents.weights() {
                 [(script, _)] => (setup.opponents.clone(), script.name().to_owned()),
                 _ => (opponents, String::new()),
             },
-            OpponentOption::Team(folder) => {
+            Some(OpponentOption::Team(folder)) => {
+                warn_of_other_rules(&folder, setup.rules)?;
                 let name = folder.display().to_string();
                 teams.push(team_files(&folder, &name)?);
                 (setup.opponents.clone(), name)
             }
-            OpponentOption::OwnTeam | OpponentOption::League => {
+            Some(OpponentOption::OwnTeam | OpponentOption::League) => {
                 return Err("--against takes scripts or a team; self and league are for training".into());
             }
         };

@@ -40,16 +40,17 @@ pub(super) struct Record {
         add = completions::pool())]
     pool: Option<String>,
     /// Lane of the pool [default: its only lane]
-    #[arg(long, requires = "pool", value_name = "NAME")]
+    #[arg(long, requires = "pool", conflicts_with_all = ["scenario", "from"], value_name = "NAME")]
     lane: Option<String>,
     /// An environment of the lane, several times for several [default: 0]
-    #[arg(long, requires = "pool", value_name = "ID", value_parser = count(0..=MAX_ENVS - 1))]
+    #[arg(long, requires = "pool", conflicts_with_all = ["scenario", "from"], value_name = "ID",
+        value_parser = count(0..=MAX_ENVS - 1))]
     env: Vec<usize>,
     /// The policy of the agents: random, nearest, focus_fire, kite, hold, line, flank, escort or spread
     #[arg(long, default_value = "nearest", value_name = "NAME", value_parser = policy_name)]
     policy: String,
     /// Who plays the enemies: attack_move, attack_nearest or a scripted policy; or several with weights, such
-    /// as attack_move=0.5,focus_fire=0.5, of which each episode draws one [default: attack_move]
+    /// as attack_move=0.5,focus_fire=0.5, of which each episode draws one [default: the scenario's own]
     #[arg(long, conflicts_with = "pool", value_name = "NAME|WEIGHTS")]
     opponent: Option<Opponents>,
     /// Number of complete episodes, 1 to 10000
@@ -75,7 +76,7 @@ type WhyEarly = Option<Box<dyn Error>>;
 
 impl Record {
     pub(super) fn run(self) -> CommandResult {
-        replay::check_suffix("--out", &self.out)?;
+        replay::check_file("--out", &self.out)?;
         let (recorded, why_early) = match &self.pool {
             Some(pool) => self.follow(pool)?,
             None => (self.play()?, None),

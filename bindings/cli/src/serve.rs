@@ -3,6 +3,7 @@
 use super::{CommandResult, THREADS, completions, megabytes, runtime_dir};
 use crate::check::warn_of;
 use crate::number::{count, seed, whole};
+use crate::opponent::warn_of_other_rules;
 use crate::os;
 use clap::Args;
 use serde_json::Value;
@@ -18,6 +19,7 @@ use smaclite_scenarios::ScenarioFiles;
 use smaclite_units::file::shortened;
 use std::error::Error;
 use std::hash::{BuildHasher, RandomState};
+use std::path::Path;
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  smaclite-pool serve 2s3z:64 --name train\n  \
@@ -55,7 +57,7 @@ pub(super) struct Serve {
     episode_limit: Option<EpisodeLimit>,
     /// Who plays the enemies: attack_move, attack_nearest, a scripted policy, or a trained team, as zoo:3m or
     /// by the folder of its run; or several with weights, such as attack_move=0.5,focus_fire=0.5, of which
-    /// each episode draws one [default: attack_move; with --sides both: learner]
+    /// each episode draws one [default: the scenario's own; with --sides both: learner]
     #[arg(long, value_name = "NAME|FOLDER|WEIGHTS", add = completions::player())]
     opponent: Option<LaneOpponents>,
     /// A key of the scenario files with another value, as JSON: `--set 'smacv2={"prob_obs_enemy": 0.5}'`;
@@ -171,6 +173,9 @@ impl Serve {
             Some(opponents) => opponents.open(setup).map_err(|error| format!("lane `{text}`: {error}"))?,
             None => (setup, None),
         };
+        if let Some(team) = &team {
+            warn_of_other_rules(Path::new(&team.name), self.rules)?;
+        }
         let mut lane = LaneConfig { team, ..LaneConfig::new(name, setup, num_envs) };
         lane.settings.batch_size = self.batch_size.unwrap_or(num_envs);
         lane.settings.autoreset = self.autoreset_mode;

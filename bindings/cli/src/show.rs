@@ -24,13 +24,13 @@ pub(super) struct Show {
     /// Scenario of a snapshot [default: the standard scenario that it is of]
     #[arg(long = "scenario", value_name = "SCENARIO", add = completions::scenario())]
     of: Option<String>,
-    /// Show so many draws of the teams and start positions of a generated scenario
-    #[arg(long, value_name = "K", default_value_t = 1, conflicts_with_all = ["all", "of"],
+    /// Show so many draws of the teams and start positions of a generated scenario [default: 1]
+    #[arg(long, value_name = "K", conflicts_with_all = ["all", "of"],
         value_parser = clap::value_parser!(u16).range(1..=100))]
-    samples: u16,
-    /// Seed of the first draw; each further one has the next
-    #[arg(long, default_value_t = 0, conflicts_with_all = ["all", "of"])]
-    seed: u64,
+    samples: Option<u16>,
+    /// Seed of the first draw; each further one has the next [default: 0]
+    #[arg(long, conflicts_with_all = ["all", "of"])]
+    seed: Option<u64>,
     /// Put all standard scenarios into one picture, each with its name
     #[arg(long, conflicts_with = "scenario", requires = "png")]
     all: bool,
@@ -67,7 +67,12 @@ impl Show {
             let starts = all.map(|scenario| (scenario.name.clone(), Start::drawn(scenario, 0)));
             return self.write_png(&self.sheet(starts)?);
         };
+        let of_draws = [("--samples", self.samples.is_some()), ("--seed", self.seed.is_some())];
+        let of_draws = of_draws.into_iter().find(|(_, is_given)| *is_given).map(|(option, _)| option);
         let (scenario, units) = if is_snapshot(name.as_ref()) {
+            if let Some(option) = of_draws {
+                return Err(format!("{option} is for generated scenarios; `{name}` is a snapshot").into());
+            }
             let saved = SavedBattle::read(name.as_ref(), self.of.as_deref())?;
             if self.png.is_none() {
                 saved.print()?;
@@ -78,10 +83,16 @@ impl Show {
             return Err(format!("--scenario is for snapshots, FILE.snapshot; `{name}` is none").into());
         } else {
             let scenario = Scenario::resolve(name)?;
-            if self.samples > 1 {
-                return self.show_samples(&scenario);
+            if let Some(option) = of_draws.filter(|_| scenario.generation.is_none()) {
+                return Err(
+                    format!("{option} is for generated scenarios; `{}` is none", scenario.name).into()
+                );
             }
-            let Start { scenario, units } = Start::drawn(scenario, self.seed);
+            let (samples, seed) = (self.samples.unwrap_or(1), self.seed.unwrap_or(0));
+            if samples > 1 {
+                return self.show_samples(&scenario, samples, seed);
+            }
+            let Start { scenario, units } = Start::drawn(scenario, seed);
             (scenario, units)
         };
         if self.png.is_none() {
@@ -93,11 +104,8 @@ impl Show {
     }
 
     /// Shows several draws, as maps one after the other or as one picture.
-    fn show_samples(&self, scenario: &Scenario) -> CommandResult {
-        if scenario.generation.is_none() {
-            return Err(format!("--samples is for generated scenarios; `{}` is none", scenario.name).into());
-        }
-        let seeds = (0..u64::from(self.samples)).map(|i| self.seed.wrapping_add(i));
+    fn show_samples(&self, scenario: &Scenario, samples: u16, seed: u64) -> CommandResult {
+        let seeds = (0..u64::from(samples)).map(|i| seed.wrapping_add(i));
         let starts = seeds.map(|seed| (format!("seed {seed}"), Start::drawn(scenario.clone(), seed)));
         if self.png.is_some() {
             return self.write_png(&self.sheet(starts)?);

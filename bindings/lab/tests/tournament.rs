@@ -191,7 +191,7 @@ fn a_best_response_beats_its_team() {
         assert!((points - (with_agents.points() + 1.0 - with_enemies.points()) / 2.0).abs() < 1e-9);
         assert!(result.exploitability >= *points);
     }
-    assert!(folder.path().join("one/5/weights.safetensors").exists());
+    assert!(folder.path().join("one/seed-5/weights.safetensors").exists());
     let again = run("again", &Exploit { threads: 3, seeds: 1, ..exploit });
     assert_eq!(again.responses[0].points, result.responses[0].points);
 }

@@ -2,7 +2,7 @@
 
 use crate::checkpoint::write_actor;
 use crate::config::{Config, NetworkKind};
-use crate::description::{RunDescription, WEIGHTS, Weights, read_team_of, write_description};
+use crate::description::{OtherMap, RunDescription, WEIGHTS, Weights, read_team_of, write_description};
 use crate::tensors::FileError;
 use crate::zoo_folders::ExportError;
 use smaclite_engine::BattleSetup;
@@ -19,7 +19,11 @@ pub fn adapt_team(
     map: BattleSetup,
     to: &Path,
 ) -> Result<(), ExportError> {
-    let run = RunDescription::read(from)?.on(map)?;
+    let run = RunDescription::read(from)?;
+    if run.config.network != NetworkKind::Universal {
+        return Err(OtherMap::NotUniversal(run.name).into());
+    }
+    let run = run.on(map)?;
     let (run, _, actor) = read_team_of(from, run, weights)?;
     if to.join("run.json").exists() {
         return Err(ExportError::HoldsRun { folder: to.to_owned() });

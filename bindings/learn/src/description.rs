@@ -9,7 +9,7 @@ use crate::team::{Network, OnScenario};
 use crate::tensors::{FileError, exists, read, write};
 use crate::zoo;
 use serde::{Deserialize, Serialize};
-use smaclite_engine::{BattleSetup, Sizes};
+use smaclite_engine::{BattleSetup, Opponents, Sizes};
 use smaclite_scenarios::Problems;
 use std::fs;
 use std::path::Path;
@@ -107,15 +107,25 @@ impl RunDescription {
         }
     }
 
-    /// The same run on another map, for a team whose networks fit every scenario.
+    /// The same run on a map: one that it was trained on, or, for a team whose networks fit every scenario,
+    /// another one. The enemies are played by the scripts of the training on this map; on another one by those
+    /// that the training was given, or else by the map's own.
     ///
     /// # Errors
-    /// If they fit its own alone, or the scenario has other features than the standard maps.
-    pub fn on(&self, setup: BattleSetup) -> Result<RunDescription, OtherMap> {
-        if self.config.network != NetworkKind::Universal {
+    /// If the networks fit its own alone, or the scenario has other features than the standard maps.
+    pub fn on(&self, map: BattleSetup) -> Result<RunDescription, OtherMap> {
+        let scenario = map.files.scenario()?;
+        let mut trained = [&self.setup].into_iter().chain(&self.other_maps);
+        let trained = trained.find(|trained| {
+            trained.rules == map.rules && trained.files.scenario().is_ok_and(|other| other == scenario)
+        });
+        if self.config.network != NetworkKind::Universal && trained.is_none() {
             return Err(OtherMap::NotUniversal(self.name.clone()));
         }
-        let other = RunDescription::new(self.config.clone(), setup)?;
+        let given =
+            Some(&self.setup).filter(|setup| setup.opponents != Opponents::of(&setup.files, setup.sides));
+        let opponents = trained.or(given).unwrap_or(&map).opponents.clone();
+        let other = RunDescription::new(self.config.clone(), BattleSetup { opponents, ..map })?;
         other.inputs.check(&self.config)?;
         Ok(other)
     }

@@ -34,7 +34,8 @@ pub struct Evaluation {
     pub greedy: bool,
     /// Worker threads of the pool.
     pub threads: usize,
-    /// Who plays the enemies; `None` for the scripts of the training, or attack-move if a team played them.
+    /// Who plays the enemies; `None` for the scripts of the training, or attack-move if a team played them, and
+    /// on another map as [`RunDescription::on`] says.
     pub opponents: Option<Opponents>,
     /// The folder of a trained team that plays the enemies instead.
     pub opponent_team: Option<PathBuf>,
@@ -51,8 +52,7 @@ impl Evaluation {
         let run = RunDescription::read(folder)?;
         match &self.map {
             None => Ok(run),
-            // Who plays the enemies is said by the evaluation, or else by the training.
-            Some(map) => Ok(run.on(BattleSetup { opponents: run.setup.opponents.clone(), ..map.clone() })?),
+            Some(map) => Ok(run.on(map.clone())?),
         }
     }
 

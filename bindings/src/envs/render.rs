@@ -7,6 +7,7 @@ use crate::convert::{self, Int32Array, IntArg, env_ids, require_envs, to_unsigne
 use crate::errors::invalid_request;
 use numpy::{PyArray1, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
+use pyo3::types::PyString;
 use smaclite_engine::{FeatureBlock, state_features};
 use smaclite_pool::fields::Field;
 use smaclite_scenarios::Scenario;
@@ -228,6 +229,9 @@ impl<'py> Selection<'py> {
     fn new(env_id: Option<&Bound<'py, PyAny>>) -> PyResult<Selection<'py>> {
         let Some(arg) = env_id else { return Ok(Selection::All) };
         match arg.extract::<IntArg>()? {
+            IntArg::Other(other) if arg.is_instance_of::<PyString>() || arg.try_iter().is_err() => {
+                Err(other.error("env_id must be an integer, or integers of shape (K,)"))
+            }
             IntArg::Other(_) => {
                 let ids = convert::int32_array("env_id", arg, &[None])?;
                 require_envs("env_id", ids.as_slice()?)?;

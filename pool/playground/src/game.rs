@@ -32,6 +32,8 @@ pub(crate) enum GameError {
     Unit { unit: usize, n_units: usize },
     #[error("this scenario draws where units start, so they cannot be moved")]
     Drawn,
+    #[error("a trained team cannot play the enemies of a scenario with the key `smacv2`; scripts can")]
+    Smacv2,
     #[error("the state at the start of the episode is not one of its scenario: {0}")]
     Snapshot(#[from] SnapshotError),
 }
@@ -64,6 +66,9 @@ impl Game {
         let seed = seed.parse().map_err(|_| GameError::Seed(seed.clone()))?;
         let setup = BattleSetup { rules, ..own.clone() };
         if team_plays_enemies {
+            if own.files.scenario().is_ok_and(|scenario| scenario.smacv2.is_some()) {
+                return Err(GameError::Smacv2);
+            }
             let mirrored = Sides::Both(EnemySide { mirror: true, zero_sum: false });
             return Game::of_setup(setup.with_sides(mirrored), own, seed);
         }

@@ -167,6 +167,11 @@ impl Team {
         };
         let (name, trained_in) = (self.name.clone(), self.scenario.clone());
         let expected = in_words(player.sizes);
+        if self.universal.is_some() {
+            let why =
+                "its sides are not equal, and a team that plays the enemies sees them as its own".to_owned();
+            return Err(TeamError::Other { name, why });
+        }
         let given = match side {
             Faction::Ally => format!("agents of this scenario are {}", in_words(given)),
             Faction::Enemy => format!(

@@ -260,7 +260,7 @@ fn what_cannot_be_reproduced_is_named_by_episode_and_step() {
     check(&|episode| episode["checksum"] = "0123456789abcdef".into(), "the checksum of the episode must be");
     check(&|episode| episode["seed"] = 8.into(), ": the checksum of the step must be");
     check(&|episode| episode["draws"] = 0.into(), ": the checksum of the step must be");
-    check(&|episode| episode["dead_enemies"] = 77.into(), "the outcome must be");
+    check(&|episode| episode["dead_enemies"] = 77.into(), "`dead_enemies` must be");
     check(
         &|episode| episode["actions"][9] = 0.into(),
         "episode 1, step 3: agent 0: action 0 is not available",

@@ -3,6 +3,7 @@
 use super::super::CommandResult;
 use super::super::picture::write_file;
 use super::super::snapshot;
+use super::check_folder_of;
 use smaclite_scenarios::Scenario;
 use smaclite_units::file::os::partial_folder;
 use smaclite_units::file::partial_file;
@@ -78,6 +79,7 @@ pub(super) fn write(
 
 fn write_folder(folder: &Path, frames: impl ExactSizeIterator<Item = Picture>) -> CommandResult {
     let failed = |error: std::io::Error| format!("{}: {error}", folder.display());
+    check_folder_of("--to", folder)?;
     if folder.exists() {
         return Err(format!("{}: exists; --to must be a new folder", folder.display()).into());
     }

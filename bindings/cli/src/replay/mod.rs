@@ -49,6 +49,9 @@ const TICKS_PER_SECOND: f64 = 16.0;
 /// Frame rates that every format can express.
 const MAX_FPS: f64 = 1000.0;
 
+/// Browsers show the frames of a GIF for at least two hundredths of a second.
+const MAX_GIF_FPS: f64 = 50.0;
+
 /// Squares around the units of an animation.
 const MARGIN: f32 = 2.0;
 
@@ -88,9 +91,12 @@ impl Replay {
         if let Some((option, ..)) = unused {
             return Err(format!("{option} has no effect on {}; leave it out", format.name()).into());
         }
+        // What a GIF cannot show faster would only end in a longer standstill.
+        let most = if format == Format::Gif { MAX_GIF_FPS } else { MAX_FPS };
         match self.fps {
-            Some(fps) if !(fps > 0.0 && fps <= MAX_FPS) => {
-                Err(format!("--fps must be above 0 and at most {MAX_FPS}, got {fps}").into())
+            Some(fps) if !(fps > 0.0 && fps <= most) => {
+                let what = format.name();
+                Err(format!("--fps must be above 0 and at most {most} for {what}, got {fps}").into())
             }
             _ => Ok(()),
         }
@@ -137,11 +143,23 @@ impl Replay {
     }
 }
 
-/// Refuses a file for a replay, given by an option, of another suffix.
-pub(crate) fn check_suffix(option: &str, file: &Path) -> CommandResult {
-    match file.extension() {
-        Some(suffix) if suffix == SUFFIX => Ok(()),
-        _ => Err(format!("{option} must end in .{SUFFIX}, got `{}`", file.display()).into()),
+/// Refuses a file for a replay, given by an option, of another suffix or in a folder that does not exist,
+/// before battles are played for it.
+pub(crate) fn check_file(option: &str, file: &Path) -> CommandResult {
+    if file.extension().is_none_or(|suffix| suffix != SUFFIX) {
+        return Err(format!("{option} must end in .{SUFFIX}, got `{}`", file.display()).into());
+    }
+    check_folder_of(option, file)
+}
+
+/// Refuses a path whose folder does not exist.
+fn check_folder_of(option: &str, path: &Path) -> CommandResult {
+    match path.parent().filter(|folder| !folder.as_os_str().is_empty() && !folder.is_dir()) {
+        None => Ok(()),
+        Some(folder) => {
+            let folder = folder.display();
+            Err(format!("{option} must be in a folder that exists; there is no `{folder}`").into())
+        }
     }
 }
 

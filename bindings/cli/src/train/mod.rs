@@ -7,15 +7,15 @@ mod seeds;
 use super::{CommandResult, THREADS, completions, output, runtime_dir};
 use crate::check::warn_of;
 use crate::number::{count, seed, whole};
-use crate::opponent::{OpponentOption, SelfPlayOptions};
+use crate::opponent::{OpponentOption, SelfPlayOptions, warn_of_other_rules};
 use crate::process::{Interrupted, interrupt_flag_once};
 use clap::Args;
 use display::Display;
 use smaclite_engine::{BattleSetup, Rules};
 use smaclite_ipc::{ClientError, RuntimeDir, WaitOptions, lane_scenario, status_within};
 use smaclite_learn::{
-    Activation, Algorithm, Config, LaneError, Lanes, NetworkKind, Run, RunDescription, Seeds, TrainError,
-    resolve_scenario,
+    Activation, Algorithm, Config, Enemies, LaneError, Lanes, NetworkKind, Run, RunDescription, Seeds,
+    TrainError, resolve_scenario,
 };
 use smaclite_pool::MAX_LAST_ACTIONS;
 use smaclite_scenarios::Scenario;
@@ -69,7 +69,7 @@ pub(super) struct Train {
     /// Who plays the enemies: attack_move, attack_nearest or a scripted policy; several with weights, such as
     /// attack_move=0.5,focus_fire=0.5, of which each episode draws one; the folder of another run or
     /// zoo:SCENARIO, whose team plays them; self, the team itself; or league, the team, copies of it, and
-    /// attack_move [default: attack_move]
+    /// attack_move [default: the scenario's own]
     #[arg(long, conflicts_with = "pool", value_name = "NAME|WEIGHTS|FOLDER|self|league")]
     opponent: Option<OpponentOption>,
     /// Train that many runs in this process, as many at a time as there are threads; their seeds are --seed,
@@ -346,6 +346,9 @@ impl Train {
         }
         let enemies = self.self_play.enemies(self.opponent.clone())?;
         let setup = self.setup(runtime_dir, interrupted)?;
+        if let Enemies::Team { folder } = &enemies {
+            warn_of_other_rules(folder, setup.rules)?;
+        }
         let scenario = setup.files.scenario()?;
         let mut config = Config { enemies, ..Config::for_scenario(&scenario) };
         config.steps = self.steps.unwrap_or(config.steps);
@@ -369,7 +372,15 @@ impl Train {
         threads: usize,
         runtime_dir: &RuntimeDir,
     ) -> Result<Opened, Box<dyn Error>> {
-        let (names, weights): (Vec<String>, Vec<f64>) = weighted_maps(names).into_iter().unzip();
+        let weighted = weighted_maps(names);
+        if let Some((map, weight)) =
+            weighted.iter().find(|(_, weight)| !(*weight > 0.0 && weight.is_finite()))
+        {
+            return Err(
+                format!("--maps: the weight of `{map}` must be a number above 0, got {weight}").into()
+            );
+        }
+        let (names, weights): (Vec<String>, Vec<f64>) = weighted.into_iter().unzip();
         let resolve = |name: &String| resolve_scenario(name, self.rules.unwrap_or_default());
         let setups = names.iter().map(resolve).collect::<Result<Vec<BattleSetup>, _>>()?;
         setups.iter().for_each(|setup| warn_of(&setup.files));

@@ -1,8 +1,9 @@
 //! What ends a training from outside, and files of runs that are not those that it wrote: signals, pipes,
 //! parts of files, damaged values, and names of teams.
 
-use crate::kit::{catches_interruptions, check_error, error, output, program};
+use crate::kit::{catches_interruptions, check_error, error, output, program, run};
 use rustix::process::Signal;
+use serde_json::{Value, json};
 use std::fs;
 use std::path::Path;
 use std::process::{Child, Stdio};
@@ -233,4 +234,122 @@ fn best_responses_that_are_kept_need_no_temporary_folder() {
         program(folder, exploit).env("TMPDIR", folder.join("none")).output().expect("the program starts");
     assert!(done.status.success(), "{done:?}");
     assert!(folder.join("kept/seed-1/weights.safetensors").is_file());
+}
+
+/// Options that have no effect were ignored without a word: clap does not ask for what another argument of the
+/// same command excludes.
+#[test]
+fn options_without_effect_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    output(folder, &format!("train 3m --steps 1e2 --out run {SMALL}"));
+    output(folder, "record 3m --out a.smreplay");
+    output(folder, "replay a.smreplay --to a.snapshot --step 3");
+    for (command, status, expected) in [
+        ("record 2s3z --lane foo --out b.smreplay", 2, "cannot be used with '--lane <NAME>'"),
+        ("record --from a.snapshot --env 1 --out b.smreplay", 2, "cannot be used with"),
+        ("dataset record run --rules paper --episodes 1 --out a.smdata", 1, "--rules has no effect on a run"),
+        ("show 2s3z --seed 3", 1, "--seed is for generated scenarios; `2s3z` is none"),
+        (
+            "show a.snapshot --samples 2",
+            1,
+            "--samples is for generated scenarios; `a.snapshot` is a snapshot",
+        ),
+        (
+            "replay a.smreplay --to a.gif --fps 51",
+            1,
+            "--fps must be above 0 and at most 50 for a GIF, got 51",
+        ),
+    ] {
+        check_error(folder, command, status, expected);
+    }
+}
+
+/// Battles were played, for hours, for a file that could not be written.
+#[test]
+fn a_file_without_a_folder_is_refused_before_the_battles() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    output(folder, "record 3m --out a.smreplay");
+    for (command, option) in [
+        ("evaluate zoo:3m --episodes 1000000 --record none/a.smreplay", "--record"),
+        ("record 3m --episodes 10000 --out none/a.smreplay", "--out"),
+        ("replay a.smreplay --to none/frames", "--to"),
+    ] {
+        let expected = format!("{option} must be in a folder that exists; there is no `none`");
+        check_error(folder, command, 1, &expected);
+    }
+}
+
+/// On drawn maps, an evaluation, `adapt` and `play` had attack_move, against which no team was trained there.
+#[test]
+fn a_team_meets_the_enemies_of_its_map() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let of = |map: &str, options: &str| {
+        let evaluate = format!("evaluate zoo:all-maps --map {map} --episodes 1 --json{options}");
+        let printed = output(folder, &evaluate);
+        let result: Value = serde_json::from_str(printed.lines().last().expect("a result")).expect("JSON");
+        result["opponents"].clone()
+    };
+    assert_eq!(of("protoss_5_vs_5", ""), json!({"attack_nearest": 1.0}), "as in its training");
+    assert_eq!(of("3m", ""), json!({"attack_move": 1.0}));
+    assert_eq!(of("protoss_20_vs_23", ""), json!({"attack_nearest": 1.0}), "it never saw the map");
+    assert_eq!(of("protoss_5_vs_5", " --opponent kite"), json!({"kite": 1.0}));
+    output(folder, "adapt zoo:all-maps protoss_5_vs_5 --out adapted");
+    let run: Value =
+        serde_json::from_slice(&fs::read(folder.join("adapted/run.json")).expect("a file")).expect("JSON");
+    assert_eq!(run["opponents"], json!({"attack_nearest": 1.0}));
+    // A team of one map plays it, whether or not it is named.
+    let own = "evaluate zoo:3m --episodes 8 --seed 2";
+    assert_eq!(output(folder, own), output(folder, &format!("{own} --map 3m")));
+}
+
+/// A team of other rules played the enemies without a word.
+#[test]
+fn a_team_of_other_rules_is_warned_of() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    output(folder, &format!("train 3m --steps 1e2 --rules starcraft --out run {SMALL}"));
+    let done = run(folder, "evaluate zoo:3m --opponent run --episodes 2");
+    let expected = "the team `run` was trained with rules starcraft-1, and the battles have rules smaclite";
+    assert!(done.status.success() && String::from_utf8_lossy(&done.stderr).contains(expected), "{done:?}");
+    let done = run(folder, "evaluate run --opponent run --episodes 2");
+    assert!(done.status.success() && done.stderr.is_empty(), "{done:?}");
+}
+
+#[test]
+fn a_weight_of_a_map_names_the_map() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let expected = "--maps: the weight of `3m` must be a number above 0, got 0";
+    check_error(folder.path(), "train --maps 3m=0,MMM --out run", 1, expected);
+}
+
+/// Closing a terminal ended a pool without its end: its files stayed in shared memory.
+#[test]
+fn a_closed_terminal_ends_a_pool_cleanly() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let mut pool = serve(folder, "closed", "3m:2");
+    rustix::process::kill_process(rustix::process::Pid::from_child(&pool), Signal::HUP).expect("a signal");
+    assert_eq!(pool.wait().expect("an end").code(), Some(0));
+    assert!(!output(folder, "list").contains("closed"));
+}
+
+/// The pool of a benchmark ran for ever when the benchmark was killed.
+#[test]
+fn the_pool_of_a_killed_benchmark_ends() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let mut bench = program(folder, "bench 3m --mode attached --seconds 1000 --threads 1");
+    let mut bench = bench.stdout(Stdio::null()).spawn().expect("the program starts");
+    let has_pool = || output(folder, "list").contains("bench-");
+    while !has_pool() {
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    bench.kill().expect("a signal");
+    bench.wait().expect("an end");
+    while has_pool() {
+        std::thread::sleep(Duration::from_millis(20));
+    }
 }

@@ -7,6 +7,7 @@
 use super::arrays::N_ARRAYS;
 use super::counter::{Counted, Counter};
 use super::{Dataset, DatasetError, Episode, Policy};
+use crate::statistics::quantile;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use smaclite_engine::Sizes;
@@ -56,7 +57,7 @@ pub struct CardSizes {
     pub state_size: usize,
 }
 
-/// How numbers are distributed. Quantiles are values that occur, without interpolation.
+/// How numbers are distributed. Quantiles are interpolated linearly, as NumPy's are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 #[allow(missing_docs)]
@@ -223,7 +224,7 @@ impl Distribution {
         let n = values.len() as f64;
         let mean = values.iter().sum::<f64>() / n;
         let square = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / n;
-        let quantile = |share: f64| sorted[((sorted.len() - 1) as f64 * share).round() as usize];
+        let quantile = |share: f64| quantile(&sorted, share).unwrap_or_default();
         Distribution {
             mean,
             deviation: square.sqrt(),

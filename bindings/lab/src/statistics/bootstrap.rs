@@ -70,7 +70,7 @@ fn draw(scores: &Scores, drawn: &mut Scores, generator: &mut Pcg64Mcg) {
 }
 
 /// Of sorted values, between the two nearest ones by linear interpolation; `None` if there are none.
-fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
+pub(crate) fn quantile(sorted: &[f64], share: f64) -> Option<f64> {
     let place = share * sorted.len().checked_sub(1)? as f64;
     let (below, part) = (place.floor() as usize, place.fract());
     let above = (below + 1).min(sorted.len() - 1);

@@ -14,6 +14,7 @@ mod bootstrap;
 mod wilson;
 
 pub use aggregate::{interquartile_mean, probability_of_improvement, profile};
+pub(crate) use bootstrap::quantile;
 pub use bootstrap::{Estimate, estimate, estimates};
 pub use wilson::wilson_interval;
 

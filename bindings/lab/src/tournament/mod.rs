@@ -252,15 +252,18 @@ impl Tournament {
 
     fn player_scores(&self, pairings: &[Pairing], scores: &[Score]) -> Vec<PlayerScore> {
         let n = self.players.len();
-        let (mut points, mut played) = (vec![vec![0.0; n]; n], vec![0.0; n]);
+        let [mut points, mut draws] = [vec![vec![0.0; n]; n], vec![vec![0.0; n]; n]];
+        let mut played = vec![0.0; n];
         for (pairing, score) in pairings.iter().zip(scores).filter(|(p, _)| p.agents != p.enemies) {
             let (episodes, share) = (score.episodes as f64, score.points());
             points[pairing.agents][pairing.enemies] += episodes * share;
             points[pairing.enemies][pairing.agents] += episodes * (1.0 - share);
-            played[pairing.agents] += episodes;
-            played[pairing.enemies] += episodes;
+            for (one, other) in [(pairing.agents, pairing.enemies), (pairing.enemies, pairing.agents)] {
+                draws[one][other] += score.draws as f64;
+                played[one] += episodes;
+            }
         }
-        let ratings = elo::ratings(&points);
+        let ratings = elo::ratings(&points, &draws);
         let player = |(i, rating): (usize, elo::Elo)| PlayerScore {
             player: self.players[i].clone(),
             elo: rating.elo,

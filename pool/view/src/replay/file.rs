@@ -237,6 +237,9 @@ impl Document {
             let snapshot = episode.snapshot(&check, &replay.arena)?;
             let first_step = snapshot.as_ref().map_or(0, |snapshot| snapshot.episode_length);
             let mut episode = episode.episode(&check, sizes, first_step)?;
+            let is_played = episode.opponent != Opponent::Learner || self.sides.are_both();
+            let expected = "a script, since the actions are those of the agents alone (`sides`)";
+            check.that(is_played, "opponent", expected, episode.opponent.name())?;
             episode.snapshot = snapshot;
             let (steps, limit) = (episode.outcome.steps, self.episode_limit.unwrap_or(u32::MAX));
             check.that(steps <= limit, "steps", &format!("at most {limit}, the `episode_limit`"), steps)?;

@@ -88,6 +88,27 @@ pub struct Outcome {
 }
 
 impl Outcome {
+    /// All but the return, which is compared as a number: keys of files and values.
+    fn entries(&self) -> [(&'static str, String); 6] {
+        let Outcome {
+            steps,
+            episode_return: _,
+            terminated,
+            truncated,
+            battle_won,
+            dead_allies,
+            dead_enemies,
+        } = self;
+        [
+            ("`steps`", steps.to_string()),
+            ("`terminated`", terminated.to_string()),
+            ("`truncated`", truncated.to_string()),
+            ("`battle_won`", battle_won.to_string()),
+            ("`dead_allies`", dead_allies.to_string()),
+            ("`dead_enemies`", dead_enemies.to_string()),
+        ]
+    }
+
     /// How the episode ended, if its end was recorded.
     pub fn result(&self) -> Option<EpisodeResult> {
         EpisodeResult::of(self.battle_won, self.terminated, self.truncated)

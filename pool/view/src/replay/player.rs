@@ -156,16 +156,16 @@ impl<'a> Player<'a> {
             let (recorded, played) = (format!("{:016x}", episode.checksum), format!("{played:016x}"));
             return Err(self.diverged("the checksum of the episode", recorded, played));
         }
-        let outcome = Outcome::of(&self.battle, step);
+        let (recorded, played) = (&episode.outcome, Outcome::of(&self.battle, step));
         // The checksum includes the bits of the rewards; their sum in the file is a decimal number.
-        let is_near = (outcome.episode_return - episode.outcome.episode_return).abs() < 1e-6;
-        if !is_near
-            || (Outcome { episode_return: episode.outcome.episode_return, ..outcome }) != episode.outcome
-        {
-            let (recorded, played) = (format!("{:?}", episode.outcome), format!("{outcome:?}"));
-            return Err(self.diverged("the outcome", recorded, played));
+        if (played.episode_return - recorded.episode_return).abs() >= 1e-6 {
+            let [recorded, played] = [recorded, &played].map(|outcome| outcome.episode_return.to_string());
+            return Err(self.diverged("`episode_return`", recorded, played));
         }
-        Ok(())
+        match recorded.entries().into_iter().zip(played.entries()).find(|(one, other)| one != other) {
+            Some(((key, recorded), (_, played))) => Err(self.diverged(key, recorded, played)),
+            None => Ok(()),
+        }
     }
 
     fn diverged(&self, what: &'static str, recorded: String, played: String) -> ReplayError {
