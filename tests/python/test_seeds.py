@@ -270,7 +270,7 @@ def test_a_list_of_seeds_needs_no_more_batches_than_a_seed() -> None:
 
 
 def test_a_session_does_not_depend_on_earlier_ones(serve: Serve) -> None:
-    """The published fault of SMACv2's reward scale, which adds up over resets, went on for the next learner."""
+    """The published fault of SMACv2's reward scale, which adds up over resets, went on in the next one."""
     serve("terran_5_vs_5:2", "--name", "train", "--set", 'smacv2={"published": true}')
 
     def play() -> Any:

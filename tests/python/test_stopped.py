@@ -192,7 +192,7 @@ print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 
 @pytest.mark.parametrize("kind", ["snapshots", "seeds"])
 def test_a_reset_that_ended_early_is_not_received_as_if_it_were_whole(serve: Serve, kind: str) -> None:
-    """`recv` returned the first of its requests: a plain reset instead of the snapshots, or the seeds of some."""
+    """`recv` returned the first of its requests: a plain reset without snapshots, or the seeds of some."""
     server = serve("3m:4", "--name", "train", "--fields", "obs,avail_actions,snapshot")
     with sp.connect("train") as envs:
         arguments: dict[str, Any] = {"seed": [5, 100, 7, 3]}
