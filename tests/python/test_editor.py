@@ -472,6 +472,17 @@ def test_files_are_opened_and_downloaded(browser: Any, tmp_path: Path) -> None:
         assert {len(row) for row in editor.json()["terrain"]} == {40} and editor.json()["width"] == 40
 
 
+def test_a_window_that_was_low_shows_the_map_again(browser: Any, file: Path) -> None:
+    """The picture failed where the map has no room, and no other one was drawn."""
+    picture = "document.getElementById('map').toDataURL()"
+    with Editor(browser, str(file)) as editor:
+        first = editor.page.evaluate(picture)
+        for height in (200, 120, 80, 40, 800):
+            editor.page.set_viewport_size({"width": 1280, "height": height})
+            editor.settle()
+        editor.wait(lambda: editor.page.evaluate(picture) == first)
+
+
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 def test_every_form_has_names_in_both_themes(browser: Any, file: Path, scheme: str) -> None:
     with Editor(browser, str(file), color_scheme=scheme, device_scale_factor=2) as editor:

@@ -156,6 +156,16 @@ def test_a_phone_shows_the_whole_step_of_a_replay(browser: Any, pages: Path) -> 
         check_step_on_phones(page, f"step {steps} / {steps} \u00b7 tick {page.last} \u00b7 ")
 
 
+def test_a_window_that_was_low_shows_the_battle_again(browser: Any, pages: Path) -> None:
+    """Every picture failed where the map has no room, and the page stood still until it was loaded again."""
+    with Page(browser, pages / "2s3z.html", "unit=0") as page:
+        for height in (200, 120, 100, 80, 40, 800):
+            page.page.set_viewport_size({"width": 1280, "height": height})
+            page.settle()
+            page.press("ArrowRight")
+        assert page.tick == 6 and page.colours() > 50
+
+
 def test_every_episode_has_one_line(browser: Any, pages: Path) -> None:
     """A time limit took two lines, with half of the row empty."""
     with Page(browser, pages / "2s3z.html") as page:

@@ -477,6 +477,17 @@ def test_the_scenario_of_a_battle_is_edited(browser: Any) -> None:
         page.requests = [url for url in page.requests if "editor.html" not in url]
 
 
+def test_a_window_that_was_low_plays_on(browser: Any) -> None:
+    """Every picture failed where the map has no room, and the page stood still until it was loaded again."""
+    with Playground(browser, "scenario=3m&seed=4") as page:
+        page.press("0")
+        for height in (200, 150, 120, 100, 80, 40, 800):
+            page.page.set_viewport_size({"width": 1280, "height": height})
+            page.settle()
+        page.press(" ")
+        page.wait(lambda: page.step >= 2)
+
+
 def test_another_team_and_other_rules_play(browser: Any) -> None:
     with Playground(browser, "scenario=3m") as page:
         page.page.select_option("#opponent", "all-maps")

@@ -4,6 +4,7 @@
 
 import { Commander } from "#view/commander.js";
 import { byId } from "#view/dom.js";
+import { everyFrame } from "#view/frames.js";
 import { ObservationCard } from "#view/observation.js";
 import { Track, bytesOf } from "#view/track.js";
 import { TICKS_PER_SECOND, TICKS_PER_STEP } from "#view/transport.js";
@@ -142,12 +143,7 @@ export class Playground extends Commander {
   start(taken) {
     this.listen();
     this.accept(this.begun, taken);
-    /** @param {number} now */
-    const frame = (now) => {
-      this.frame(now);
-      requestAnimationFrame(frame);
-    };
-    requestAnimationFrame(frame);
+    everyFrame((now) => this.frame(now));
     document.documentElement.dataset.ready = "";
   }
 

@@ -75,9 +75,10 @@ export class MapView {
   /** Shows the rectangle of `fitBox`, in the middle of the canvas. */
   fit() {
     const { x0, y0, x1, y1 } = this.fitBox();
+    // A low window leaves the canvas less than the margin: nothing is drawn with a negative radius.
     const scale = Math.min(
-      (this.width - 16) / (x1 - x0),
-      (this.height - 16) / (y1 - y0),
+      Math.max(1, this.width - 16) / (x1 - x0),
+      Math.max(1, this.height - 16) / (y1 - y0),
       this.wholeMap ? Infinity : LARGEST_FIT,
     );
     this.isFitted = true;

@@ -3,6 +3,7 @@
 
 import { readAddress } from "./address.js";
 import { all, byId, make } from "./dom.js";
+import { everyFrame } from "./frames.js";
 import { counted } from "./numbers.js";
 import { BattlePlayer, RESULTS } from "./player.js";
 import { theme } from "./theme.js";
@@ -37,12 +38,7 @@ class ReplayPage extends BattlePlayer {
     if (first.unit >= 0) this.select(first.unit);
     if (first.plays) this.toggle();
     if (first.problem) this.say(`The address cannot be followed: ${first.problem}.`);
-    /** @param {number} now */
-    const frame = (now) => {
-      this.frame(now);
-      requestAnimationFrame(frame);
-    };
-    requestAnimationFrame(frame);
+    everyFrame((now) => this.frame(now));
     document.documentElement.dataset.ready = "";
   }
 

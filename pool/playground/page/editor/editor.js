@@ -2,6 +2,7 @@
 // EditorPage: connects the document, the map, the forms and the engine.
 
 import { all, byId, make } from "#view/dom.js";
+import { everyFrame } from "#view/frames.js";
 import { clamp } from "#view/numbers.js";
 import { theme } from "#view/theme.js";
 import { Arena } from "./arena.js";
@@ -67,12 +68,11 @@ export class EditorPage {
     theme.listeners.push(() => this.redraw());
     addEventListener("resize", () => this.redraw());
     this.checker.check();
-    const frame = () => {
-      if (!this.isDrawn) this.map.draw();
-      this.isDrawn = true;
-      requestAnimationFrame(frame);
-    };
-    requestAnimationFrame(frame);
+    everyFrame(() => {
+      if (this.isDrawn) return;
+      this.isDrawn = true; // also if it fails, which it would in every picture
+      this.map.draw();
+    });
     document.documentElement.dataset.ready = "";
   }
 

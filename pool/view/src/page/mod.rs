@@ -45,6 +45,7 @@ const MODULES: &[Module] = modules![
     "controls.js",
     "dom.js",
     "effects.js",
+    "frames.js",
     "inspector.js",
     "numbers.js",
     "observation.js",

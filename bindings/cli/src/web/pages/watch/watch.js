@@ -2,6 +2,7 @@
 // The page of a running pool: the grid of a lane's battles with its panel, or one battle that is followed.
 
 import { byId, make, messageOf } from "#view/dom.js";
+import { everyFrame } from "#view/frames.js";
 import { counted } from "#view/numbers.js";
 import { theme } from "#view/theme.js";
 import { Connection, ConnectionLost } from "../connection.js";
@@ -47,17 +48,14 @@ class WatchPage {
   }
 
   start() {
-    /** @param {number} now */
-    const frame = (now) => {
+    everyFrame((now) => {
       if (this.env < 0) {
         this.grid.frame(now);
         this.panel.draw();
       } else if (this.player) {
         this.player.frame(now);
       }
-      requestAnimationFrame(frame);
-    };
-    requestAnimationFrame(frame);
+    });
   }
 
   /**
