@@ -488,6 +488,16 @@ def test_a_window_that_was_low_plays_on(browser: Any) -> None:
         page.wait(lambda: page.step >= 2)
 
 
+def test_rules_of_a_link_stay_by_the_name_that_the_choices_have(browser: Any) -> None:
+    """The choice was blank, and with another seed the rules were those of the map."""
+    with Playground(browser, "scenario=3m&rules=starcraft") as page:
+        assert page.page.input_value("#rules") == "starcraft-1"
+        page.page.fill("#seed", "2")
+        page.page.press("#seed", "Tab")
+        page.wait(lambda: "2" in page.text("#facts"))
+        assert page.page.input_value("#rules") == "starcraft-1" and "starcraft-1" in page.text("#facts")
+
+
 def test_another_team_and_other_rules_play(browser: Any) -> None:
     with Playground(browser, "scenario=3m") as page:
         page.page.select_option("#opponent", "all-maps")

@@ -31,7 +31,8 @@ export function sharedOf({ source, team, begun }) {
     source.kind === "scenario"
       ? source
       : { scenario: begun.source, opponent: begun.is_playable ? begun.opponent : "", rules: "" };
-  return { scenario, seed: begun.seed, opponent, rules, team };
+  // Rules have the name that the choices have: `starcraft` is `starcraft-1`.
+  return { scenario, seed: begun.seed, opponent, rules: rules && begun.rules, team };
 }
 
 /**

@@ -6,7 +6,13 @@ import { test } from "node:test";
 import { sharedOf } from "./share.js";
 
 /** @type {any} */
-const begun = { source: '{"name": "2s3z"}', seed: "7", opponent: "kite", is_playable: true };
+const begun = {
+  source: '{"name": "2s3z"}',
+  rules: "starcraft-1",
+  seed: "7",
+  opponent: "kite",
+  is_playable: true,
+};
 
 test("a battle of a scenario is what was chosen", () => {
   const source = /** @type {const} */ ({
@@ -18,6 +24,15 @@ test("a battle of a scenario is what was chosen", () => {
   });
   const battle = { scenario: "2s3z", seed: "7", opponent: "", rules: "", team: "hold" };
   assert.deepEqual(sharedOf({ source, team: "hold", begun }), battle);
+});
+
+// The choice of the rules was blank, and the next battle was played by the map's own.
+test("rules have the name that the choices have, if any were chosen", () => {
+  const source = /** @type {const} */ ({ kind: "scenario", scenario: "3m", seed: "7", opponent: "" });
+  const rules = ["starcraft", "starcraft-1", ""].map(
+    (rules) => sharedOf({ source: { ...source, rules }, team: "hold", begun }).rules,
+  );
+  assert.deepEqual(rules, ["starcraft-1", "starcraft-1", ""]);
 });
 
 test("an episode of a replay is that of its scenario, against a script if one played the enemies", () => {

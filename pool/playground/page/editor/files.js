@@ -36,7 +36,23 @@ export async function filesOfLink(link, builtins) {
   const setup = new JsonText(text).isObject ? JSON.parse(text) : {},
     alone = { source: `${nameOf(text) ?? "scenario"}.json`, text, unit_files: [] };
   const rules = keys.get("rules") || (setup.files && setup.rules) || builtins.rules[0];
-  return { files: setup.files ?? alone, seed: keys.get("seed") ?? "0", rules };
+  return {
+    files: setup.files ?? alone,
+    seed: keys.get("seed") ?? "0",
+    rules: rulesOf(rules, builtins.rules),
+  };
+}
+
+/**
+ * The rules of a name as the choices have it. Without its version it means the newest one, as `Rules` of the
+ * engine has it: `starcraft` is `starcraft-1`.
+ * @param {string} name
+ * @param {string[]} all
+ */
+function rulesOf(name, all) {
+  const known = all.find((rules) => rules === name || rules.replace(/-\d+$/, "") === name);
+  if (known === undefined) throw new Error(`\`rules\` must be ${all.join(", ")}, got \`${name}\``);
+  return known;
 }
 
 export class FileStore {
