@@ -472,6 +472,18 @@ def test_files_are_opened_and_downloaded(browser: Any, tmp_path: Path) -> None:
         assert {len(row) for row in editor.json()["terrain"]} == {40} and editor.json()["width"] == 40
 
 
+def test_a_generated_scenario_file_is_opened_as_a_scenario(browser: Any, tmp_path: Path) -> None:
+    """It has teams instead of groups, and was taken for a unit type."""
+    file = tmp_path / "mine.json"
+    made = run("new", "scenario", str(file), "--generated", "--agents", "4xMARINE,1xMEDIVAC")
+    assert made.returncode == 0, made.stderr
+    with Editor(browser) as editor:
+        editor.page.set_input_files("#files", file)
+        editor.wait(lambda: str(editor.page.inner_text("h1")) == "mine")
+        editor.wait_for_state("Valid")
+        assert editor.page.is_visible("#draw")
+
+
 def test_a_window_that_was_low_shows_the_map_again(browser: Any, file: Path) -> None:
     """The picture failed where the map has no room, and no other one was drawn."""
     picture = "document.getElementById('map').toDataURL()"

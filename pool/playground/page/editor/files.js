@@ -55,6 +55,17 @@ function rulesOf(name, all) {
   return known;
 }
 
+/**
+ * Whether a file is a scenario, which has groups, or teams that are drawn; otherwise it is a unit file.
+ * @param {{ text: string }} file
+ */
+function isScenario({ text }) {
+  const file = new JsonText(text);
+  return ["groups", "teams"].some((key) =>
+    file.error ? text.includes(`"${key}"`) : file.isObject && file.node([key]) !== null,
+  );
+}
+
 export class FileStore {
   /**
    * @param {EditorPage} page
@@ -74,11 +85,6 @@ export class FileStore {
   async openFiles(list) {
     const files = [...list].filter(({ name }) => name.toLowerCase().endsWith(".json"));
     const read = await Promise.all(files.map(async (file) => ({ name: file.name, text: await file.text() })));
-    /** @param {{ text: string }} file */
-    const isScenario = ({ text }) => {
-      const file = new JsonText(text);
-      return file.error ? text.includes('"groups"') : file.isObject && file.node(["groups"]) !== null;
-    };
     /** @type {string[]} */
     const noKeys = [];
     const scenarios = read.filter(isScenario);
