@@ -90,6 +90,20 @@ def test_a_team_of_an_own_map_with_own_units_plays_there(browser: Any, keep: Pat
     assert "keep" in run("replay", saved)
 
 
+def test_two_teams_of_one_map_and_seed_stay_apart(browser: Any, keep: Path, tmp_path: Path) -> None:
+    """The second one replaced the first, because both have the same name."""
+    other = tmp_path / "other"
+    run("train", keep / "keep.json", "--out", other, "--steps", 6000)
+    named = "all => all.map((one) => one.value).filter((name) => name.startsWith('keep'))"
+    with Playground(browser) as page:
+        for folder, name in ((keep / "team", ""), (other, " (2)"), (keep / "team", "")):
+            page.page.set_input_files("#files", [folder / "run.json", folder / "weights.safetensors"])
+            page.wait_for_value("#team", f"keep, seed 0{name}")
+        names = page.page.eval_on_selector_all("#team option", named)
+        assert sorted(names) == ["keep, seed 0", "keep, seed 0 (2)"]
+        assert not page.shown("#message")
+
+
 def test_a_scenario_is_opened_with_its_unit_files(browser: Any, keep: Path) -> None:
     with Playground(browser) as page:
         page.page.set_input_files("#files", [keep / "guard.json", keep / "keep.json"])

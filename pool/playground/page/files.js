@@ -24,6 +24,34 @@ const SUFFIXES = [".smreplay", ".json", ".safetensors"];
 /** Folders in folders that are looked into: unit files may be in one of their own. */
 const DEEPEST = 3;
 
+/** What teams are called: another team of the same name, such as a second run, has a number behind it. */
+export class TeamNames {
+  /** @param {{ name: string, weights: string }[]} teams */
+  constructor(teams) {
+    this.weights = new Map(teams.map(({ name, weights }) => [name, weights]));
+  }
+
+  /**
+   * The name of a team of this name with these weights, which it has already if it was opened before.
+   * @param {string} name
+   * @param {string} weights
+   */
+  nameOf(name, weights) {
+    for (let count = 1; ; count++) {
+      const numbered = count === 1 ? name : `${name} (${count})`;
+      if ((this.weights.get(numbered) ?? weights) === weights) return numbered;
+    }
+  }
+
+  /**
+   * @param {string} name
+   * @param {string} weights
+   */
+  take(name, weights) {
+    this.weights.set(name, weights);
+  }
+}
+
 /** @param {Openers} openers */
 export function listenToFiles(openers) {
   /** @param {Promise<Opened[]>} files */

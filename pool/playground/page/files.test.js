@@ -3,7 +3,7 @@
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { openFiles, textOf } from "./files.js";
+import { TeamNames, openFiles, textOf } from "./files.js";
 
 const RUN = JSON.stringify({ config: { seed: 3 }, files: { text: '{"name": "keep"}' } });
 const SELF_PLAY = JSON.stringify({ config: { seed: 3, enemies: { self_play: {} } }, files: { text: "{}" } });
@@ -63,6 +63,22 @@ test("a part of what belongs together is refused with what is missing", async ()
   await assert.rejects(opened({ "a/1/run.json": RUN, "a/2/run.json": RUN }), /these are several teams/);
   await assert.rejects(opened({ "a.snapshot": "" }), /open a replay \(.smreplay\), a scenario/);
   await assert.rejects(opened({}), /open a replay/);
+});
+
+// Two runs of a map with the same seed, as with other hyperparameters, replaced each other.
+test("a team with other weights does not replace one of the same name", () => {
+  const names = new TeamNames([{ name: "all-maps", weights: "zoo" }]);
+  /** @param {string} weights */
+  const opened = (weights, name = "3m, seed 1") => {
+    const given = names.nameOf(name, weights);
+    names.take(given, weights);
+    return given;
+  };
+  assert.equal(opened("one"), "3m, seed 1");
+  assert.equal(opened("two"), "3m, seed 1 (2)");
+  assert.equal(opened("three"), "3m, seed 1 (3)");
+  assert.equal(opened("two"), "3m, seed 1 (2)", "the same one is opened again");
+  assert.equal(opened("one", "all-maps"), "all-maps (2)");
 });
 
 // The page said "Failed to fetch".

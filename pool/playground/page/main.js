@@ -6,7 +6,7 @@ import { byId, isTouch } from "#view/dom.js";
 import { theme } from "#view/theme.js";
 import { DEFAULT_TEAM, teamFor } from "./choices.js";
 import { EngineLost } from "./engine.js";
-import { listenToFiles } from "./files.js";
+import { TeamNames, listenToFiles } from "./files.js";
 import { base64, battleOf, linkOf } from "./link.js";
 import { Playground } from "./playground.js";
 
@@ -65,7 +65,8 @@ async function battleOfLink({ teams, policies }, defaults, link) {
 export async function startPlayground(engine, { teams, first, other, has_fog: hasFog, can_share: canShare }) {
   theme.start();
   for (const team of teams) await engine.request({ type: "add_team", ...team });
-  const choices = await engine.request({ type: "get_choices" }),
+  const names = new TeamNames(teams),
+    choices = await engine.request({ type: "get_choices" }),
     defaults = { ...FIRST, ...first };
   const { page, note, isRefused } = await firstPage(engine, choices, defaults);
   page.reveal(hasFog);
@@ -85,9 +86,12 @@ export async function startPlayground(engine, { teams, first, other, has_fog: ha
         // A team that plays every map does not know all that the observations of a scenario may have.
         if (!(await page.choose({ ...opened, team }))) await page.choose({ ...opened, team: DEFAULT_TEAM });
       }),
-    team: (name, run, weights) =>
+    team: (called, run, bytes) =>
       page.enqueue(async () => {
-        const { teams } = await engine.request({ type: "add_team", name, run, weights: base64(weights) });
+        const weights = base64(bytes),
+          name = names.nameOf(called, weights);
+        const { teams } = await engine.request({ type: "add_team", name, run, weights });
+        names.take(name, weights);
         page.choices.take(teams);
         const scenario = teams.find((team) => team.name === name)?.source ?? "";
         await page.choose({ ...page.shared, scenario, team: name, opponent: "", rules: "" });
