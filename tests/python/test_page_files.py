@@ -104,6 +104,25 @@ def test_two_teams_of_one_map_and_seed_stay_apart(browser: Any, keep: Path, tmp_
         assert not page.shown("#message")
 
 
+def test_a_replay_without_the_team_of_its_enemies_says_so(browser: Any, tmp_path: Path) -> None:
+    """With another seed a script played the enemies, and `n` did nothing, both without a word."""
+    with Playground(browser, "scenario=3m&seed=4&opponent=all-maps") as page:
+        page.wait_until_played()
+        saved = save(page, tmp_path / "3m.smreplay")
+    with Playground(browser) as page:
+        page.page.set_input_files("#files", saved)
+        page.wait(lambda: "verified" in page.said)
+        page.press("n")
+        page.wait(lambda: "choose an opponent for a new battle" in page.said)
+        page.page.fill("#seed", "5")
+        page.page.press("#seed", "Tab")
+        page.wait(lambda: "Attack move plays them here" in page.said)
+        page.page.focus("#battle")
+        page.press("n")
+        page.wait_for_value("#seed", "6")
+        assert page.said == ""
+
+
 def test_a_scenario_is_opened_with_its_unit_files(browser: Any, keep: Path) -> None:
     with Playground(browser) as page:
         page.page.set_input_files("#files", [keep / "guard.json", keep / "keep.json"])

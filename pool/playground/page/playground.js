@@ -2,6 +2,7 @@
 // The playground: battles that the engine plays in this page. A team plays the agents; who gives one an order
 // takes it over, and the battle goes on from the step that is shown.
 
+import { titleCase } from "#view/battle.js";
 import { Commander } from "#view/commander.js";
 import { byId } from "#view/dom.js";
 import { everyFrame } from "#view/frames.js";
@@ -15,7 +16,7 @@ import { Headline } from "./headline.js";
 import { Mover } from "./mover.js";
 import { Painter } from "./painter.js";
 import { PlaygroundView } from "./playground_view.js";
-import { save, share, sharedOf } from "./share.js";
+import { losesEnemies, save, share, sharedOf } from "./share.js";
 
 /** @import { AgentOrder, EpisodeResult, Order, ScenarioInfo } from "#view/data.d.ts" */
 /** @import { Engine } from "./engine.js" */
@@ -28,6 +29,7 @@ const LEAD = 0.06;
 const AHEAD = 12;
 /** Ticks by which the battle is played ahead of what is shown, so that one without an end fills no memory. */
 const FARTHEST_AHEAD = 240 * TICKS_PER_STEP;
+const NO_ENEMIES = "The team that played the enemies of the replay is not in it";
 
 export class Playground extends Commander {
   /**
@@ -254,10 +256,12 @@ export class Playground extends Commander {
   async choose({ scenario, team, opponent, rules, seed }) {
     const isSame = scenario === this.shared.scenario,
       hadAll = this.taken.size === this.info.n_agents,
+      hasOthers = losesEnemies(this.begun, { scenario, opponent }),
       taken = isSame ? [...this.taken] : [];
     try {
       await this.begin({ kind: "scenario", scenario, seed, opponent, rules }, team, [], taken);
       this.episodes.clear();
+      if (hasOthers) this.note(`${NO_ENEMIES}; ${titleCase(this.begun.opponent)} plays them here.`);
       // Who plays all agents plays all of another map.
       if (hadAll && !isSame) await this.take(Array.from({ length: this.info.n_agents }, (_, agent) => agent));
       return true;
@@ -271,7 +275,8 @@ export class Playground extends Commander {
   /** A new battle, in which the person has the same agents. */
   again() {
     this.enqueue(async () => {
-      if (!this.begun.is_playable) return;
+      if (!this.begun.is_playable)
+        return this.note(`${NO_ENEMIES}: choose an opponent for a new battle, or another seed.`);
       const seed = String(BigInt.asUintN(64, BigInt(this.begun.seed) + 1n)),
         { scenario, opponent, rules, team } = this.shared;
       await this.begin({ kind: "scenario", scenario, seed, opponent, rules }, team, [], [...this.taken]);

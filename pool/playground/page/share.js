@@ -36,6 +36,15 @@ export function sharedOf({ source, team, begun }) {
 }
 
 /**
+ * Whether another battle of a shown one is against other enemies, though nobody chose them: a replay does not
+ * have the team that played them.
+ * @param {BegunBattle} shown
+ * @param {{ scenario: string, opponent: string }} choice
+ */
+export const losesEnemies = (shown, { scenario, opponent }) =>
+  !shown.is_playable && scenario === shown.source && !opponent;
+
+/**
  * Copies the link to a battle.
  * @param {Shown} page
  */

@@ -3,7 +3,7 @@
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { sharedOf } from "./share.js";
+import { losesEnemies, sharedOf } from "./share.js";
 
 /** @type {any} */
 const begun = {
@@ -46,4 +46,14 @@ test("an episode of a replay is that of its scenario, against a script if one pl
     opponent: "",
     rules: "",
   });
+});
+
+// After another seed a script played the enemies, and nothing was said.
+test("a battle after a replay is against other enemies if the replay does not have those it had", () => {
+  const both = { ...begun, opponent: "learner", is_playable: false },
+    same = { scenario: begun.source, opponent: "" };
+  assert.equal(losesEnemies(both, same), true);
+  assert.equal(losesEnemies(begun, same), false, "a script plays again");
+  assert.equal(losesEnemies(both, { ...same, opponent: "kite" }), false, "these were chosen");
+  assert.equal(losesEnemies(both, { ...same, scenario: "3m" }), false, "another map has its own");
 });
