@@ -340,6 +340,37 @@ def test_a_pool_that_ends_and_runs_again_is_shown_again(browser: Any, programs_o
         page.wait(lambda: "step" in page.text(".cell >> nth=2") and page.text("#state") == "Live")
 
 
+def test_a_pool_that_runs_again_with_other_lanes_is_shown(browser: Any, programs_of_test: Programs) -> None:
+    """The page said that the pool was gone, had no list of lanes, and its address kept the old one."""
+    pool = programs_of_test.serve("2s3z:4")
+    with WatchPage(browser, programs_of_test.watch(), "env=1") as page:
+        page.wait(lambda: page.text("h1") == "Battle 1")
+        pool.kill()
+        page.wait(lambda: page.text("#state") == "Pool gone")
+        programs_of_test.stop(pool)
+        other = programs_of_test.serve("terran_5_vs_5:2")
+        page.wait(lambda: page.text("#lane-facts").startswith("2 battles of terran_5_vs_5"))
+        page.wait(lambda: page.text("#state") == "No learner")
+        assert page.text("h1") == "train" and page.page.url.endswith("#lane=terran_5_vs_5")
+
+        programs_of_test.stop(other)
+        programs_of_test.serve("3m:2", "8m:3")
+        page.wait(lambda: page.text("#state") == "No lane")
+        assert page.text("#notice") == "The pool has no lane `terran_5_vs_5`: choose one of `3m`, `8m`."
+        page.page.select_option("#lane", "8m")
+        page.wait(lambda: page.text("#lane-facts").startswith("3 battles of 8m"))
+
+
+def test_a_lane_of_the_address_that_no_pool_has_is_no_lane(browser: Any, programs_of_test: Programs) -> None:
+    """It said that the pool had no such lane any more, and was never ready."""
+    programs_of_test.serve("3m:2", "8m:3")
+    with WatchPage(browser, programs_of_test.watch(), "lane=nope&env=1") as page:
+        assert page.text("#notice") == "The pool has no lane `nope`: choose one of `3m`, `8m`."
+        page.page.select_option("#lane", "3m")
+        page.wait(lambda: page.text("#lane-facts").startswith("2 battles of 3m"))
+        assert page.text("h1") == "train", "the battle was one of no lane"
+
+
 def endless_scenario(folder: Path) -> Path:
     """A scenario whose battles never end: both sides fly, and cannot attack each other."""
     group = {"y": 16, "units": {"MEDIVAC": 1}}

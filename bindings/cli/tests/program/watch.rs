@@ -137,8 +137,8 @@ fn requests_that_make_no_sense_are_refused() {
         assert!(error.contains(expected), "{name}: {error}");
     }
     page.show("4m", 0, 1);
-    let lost = page.event("lost", |_| true);
-    assert!(lost["error"].as_str().is_some_and(|error| error.contains("no lane `4m`")), "{lost}");
+    let status = page.event("status", |_| true);
+    assert_eq!((&status["pool"]["lanes"], &status["pool"]["lane"]), (&json!(["3m"]), &Value::Null));
 
     // As many cells as a number can say, and a message that is longer than any valid one.
     page.show("3m", usize::MAX, usize::MAX);
@@ -368,6 +368,29 @@ fn a_pool_that_runs_again_is_shown_again() {
     page.event("status", |event| event["pool"]["pid"] == second["pid"]);
     page.request("follow", json!({"env": 0}));
     page.event("episodes", |_| true);
+}
+
+/// The page said that the pool was gone and waited for it, although it ran.
+#[test]
+fn a_pool_that_runs_again_with_another_lane_is_not_lost() {
+    let place = Place::new();
+    let mut pool = place.serve("3m:2 --name train");
+    let (_watch, url) = place.watch("train");
+    let mut page = url.open();
+    page.show("3m", 0, 2);
+    page.event("lane", |_| true);
+    assert_eq!(pool.interrupt(), Some(0));
+    page.event("lost", |_| true);
+    let _again = place.serve("2s3z:2 --name train");
+    let is_other = |event: &Value| event["pool"]["lanes"] == json!(["2s3z"]);
+    assert_eq!(page.event("status", is_other)["pool"]["lane"], Value::Null);
+    // Longer than it takes until the lane is tried again.
+    for _ in 0..5 {
+        let event = page.receive()["event"].clone();
+        assert!(event["type"] == "status" && is_other(&event), "{event}");
+    }
+    page.request("select_lane", json!({"name": "2s3z"}));
+    assert_eq!(page.event("lane", |_| true)["lane"], "2s3z");
 }
 
 /// The program once waited for its conversations without ending them, and then left the files of its

@@ -25,6 +25,13 @@ pub(super) enum WatchError {
     Scenario(#[from] Problems),
 }
 
+impl WatchError {
+    /// Whether the pool runs, but has no lane of this name.
+    pub(super) fn is_missing_lane(&self) -> bool {
+        matches!(self, WatchError::Connect(ConnectError::Refused(ControlError::NoSuchLane { .. })))
+    }
+}
+
 pub(super) struct WatchedLane {
     description: LaneDescription,
     /// Reads frames, or says why it cannot: the lane has as many spectators as it may have.

@@ -195,6 +195,8 @@ impl<'a> Session<'a> {
                 (self.watched, self.sequence) = (Some(lane), 0);
                 self.page.push(PageEvent::Lane(Box::new(info)))
             }
+            // The pool is not lost: its status says which lanes it has.
+            Err(error) if error.is_missing_lane() => Ok(()),
             Err(error) => self.page.push(PageEvent::Lost { error: error.to_string() }),
         }
     }

@@ -108,6 +108,7 @@ class WatchPage {
   /** @param {string} name */
   chooseLane(name) {
     this.lane = name;
+    this.hash.delete("env"); // one of the lane before
     this.overview();
     this.panel.clear();
     this.grid.clear();
@@ -227,7 +228,7 @@ class WatchPage {
     if ("error" in event) return this.lost(event.error);
     const { lane, lanes, pid, threads, uptime_s } = event.pool;
     this.listLanes(lanes);
-    if (!lane) return this.state("No lane", "lost", `The pool has no lane \`${this.lane}\` any more.`);
+    if (!lane) return this.lacks(lanes);
     this.showFacts(lane, { pid, threads, uptime_s });
     const { failure, learner_pid } = lane;
     if (failure) this.state("Failed", "lost", `The lane failed: ${failure}`);
@@ -236,6 +237,22 @@ class WatchPage {
       const idle = `The learner, process ${learner_pid}, made no step in the last second.`;
       this.state("Idle", "idle", idle);
     } else this.state("Live", "won");
+  }
+
+  /**
+   * The pool does not have the lane: it was started again with others, or the address names none of it. Then
+   * its only one is shown, or a person chooses.
+   * @param {string[]} lanes
+   */
+  lacks(lanes) {
+    if (lanes.includes(this.lane)) return; // a status from before the lane was chosen
+    if (lanes.length === 1) return this.chooseLane(lanes[0]);
+    if (document.body.dataset.mode !== "grid") this.overview();
+    this.grid.clear();
+    byId("lane-facts").textContent = "";
+    const names = lanes.map((name) => `\`${name}\``).join(", ");
+    this.state("No lane", "lost", `The pool has no lane \`${this.lane}\`: choose one of ${names}.`);
+    document.documentElement.dataset.ready = "";
   }
 
   /**
