@@ -371,6 +371,27 @@ def test_a_lane_of_the_address_that_no_pool_has_is_no_lane(browser: Any, program
         assert page.text("h1") == "train", "the battle was one of no lane"
 
 
+def test_a_page_too_many_says_so_until_another_is_closed(browser: Any, programs_of_test: Programs) -> None:
+    """It said for ever that the connection is lost, and tried again."""
+    programs_of_test.serve("3m:2")
+    url = programs_of_test.watch()
+    others = [browser.new_page() for _ in range(16)]
+    for other in others:
+        other.goto(url)
+        other.wait_for_selector("html[data-ready]", state="attached")
+    page = browser.new_page()
+    page.goto(url)
+    page.wait_for_selector("#notice:has-text('16 pages of this program are open')")
+    page.wait_for_timeout(2500)
+    assert page.inner_text("#state") == "Refused"
+    assert page.is_visible("#notice") and "16 pages of this program are open" in page.inner_text("#notice")
+    others.pop().close()
+    page.wait_for_selector("html[data-ready]", state="attached")
+    page.wait_for_selector("#state:has-text('No learner')")
+    for other in (*others, page):
+        other.close()
+
+
 def endless_scenario(folder: Path) -> Path:
     """A scenario whose battles never end: both sides fly, and cannot attack each other."""
     group = {"y": 16, "units": {"MEDIVAC": 1}}

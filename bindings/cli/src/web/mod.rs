@@ -23,7 +23,7 @@ use axum::extract::{FromRequestParts, State};
 use axum::http::StatusCode;
 use axum::http::request::Parts;
 use axum::middleware;
-use axum::response::{Html, IntoResponse, Response};
+use axum::response::{Html, Response};
 use axum::routing::get;
 use clap::Args;
 use connections::{Connections, Visitor};
@@ -44,6 +44,9 @@ use tokio::time::timeout;
 
 /// Pages that can be open at the same time.
 const MAX_PAGES: usize = 16;
+
+/// Bytes of the longest message that is read from another one.
+const MAX_REFUSED: usize = 1 << 12;
 
 /// How long to wait for open pages at the end: one may wait for a response of a pool that is stopped.
 const MOST_WAIT: Duration = Duration::from_secs(3);
@@ -148,8 +151,12 @@ async fn document(State(served): State<Arc<Served>>) -> Html<String> {
 
 async fn web_socket(State(served): State<Arc<Served>>, upgrade: Upgrade) -> Response {
     let Ok(permit) = Arc::clone(&served.pages).try_acquire_owned() else {
-        let text = format!("{MAX_PAGES} pages are open; close one\n");
-        return (StatusCode::SERVICE_UNAVAILABLE, text).into_response();
+        // Not instead of the upgrade: scripts are not told why there is none. The page tries again.
+        let why = format!(
+            "{MAX_PAGES} pages of this program are open, and it has no more: close one, and this one goes on"
+        );
+        let upgrade = upgrade.0.max_message_size(MAX_REFUSED).max_frame_size(MAX_REFUSED);
+        return upgrade.on_upgrade(|socket| page::refuse(socket, why));
     };
     let max_message = served.app.max_message();
     let upgrade = upgrade.0.max_message_size(max_message).max_frame_size(max_message);

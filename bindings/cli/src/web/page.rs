@@ -7,15 +7,19 @@ use axum::extract::ws::{Message, WebSocket};
 use serde::Serialize;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, TrySendError, sync_channel};
 use std::thread;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 use tokio::sync::mpsc::{Sender, channel};
 use tokio::sync::{oneshot, watch};
+use tokio::time::timeout;
 
 /// Requests that wait until the app has time; a page that sends more is closed.
 const MAX_WAITING: usize = 256;
 
 /// Messages that wait until the browser has time; then the app waits.
 const MAX_UNSENT: usize = 4;
+
+/// How long a page that is not served may take to ask for something.
+const REFUSAL_WAIT: Duration = Duration::from_secs(3);
 
 /// The page is closed, or the server ends.
 #[derive(Debug)]
@@ -118,6 +122,21 @@ pub(super) async fn serve(
     }
     drop((request_sender, unsent)); // ends the run
     let _ = ends.await;
+}
+
+/// Responds to the first request of a page that is not served with the reason, which its scripts show.
+pub(super) async fn refuse(mut socket: WebSocket, why: String) {
+    let refused = async {
+        while let Some(Ok(message)) = socket.recv().await {
+            if let Message::Text(request) = message {
+                let refusal = text(&response(id_of(&request), Err(why)));
+                let _sent = socket.send(Message::Text(refusal.into())).await; // unless the page is gone
+                let _sent = socket.send(Message::Close(None)).await;
+                return;
+            }
+        }
+    };
+    let _in_time = timeout(REFUSAL_WAIT, refused).await;
 }
 
 /// A message of a page.

@@ -149,6 +149,13 @@ impl Url {
     }
 
     pub fn open(&self) -> OpenPage {
+        let mut page = self.connect();
+        page.request("hello", json!({"version": VERSION}));
+        page
+    }
+
+    /// A page that has not said its version yet.
+    pub fn connect(&self) -> OpenPage {
         let mut request =
             format!("ws://{}/ws?token={}", self.host, self.token).into_client_request().unwrap();
         let origin = format!("http://{}", self.host).parse().expect("a header");
@@ -156,9 +163,7 @@ impl Url {
         let stream = TcpStream::connect(&self.host).expect("it listens");
         stream.set_read_timeout(Some(PATIENCE)).expect("a timeout");
         let (socket, _) = tungstenite::client(request, stream).expect("a WebSocket");
-        let mut page = OpenPage { socket, next: 1, events: Vec::new() };
-        page.request("hello", json!({"version": VERSION}));
-        page
+        OpenPage { socket, next: 1, events: Vec::new() }
     }
 }
 
@@ -187,7 +192,7 @@ impl OpenPage {
     }
 
     /// Sends a request; returns the message that responds to it.
-    fn exchange(&mut self, name: &str, mut request: Value) -> Value {
+    pub fn exchange(&mut self, name: &str, mut request: Value) -> Value {
         request["type"] = name.into();
         self.send(&json!({"id": self.next, "request": request}).to_string());
         loop {

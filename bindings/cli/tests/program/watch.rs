@@ -166,19 +166,24 @@ fn many_connections_do_not_exhaust_the_program() {
         assert!(begin.elapsed() < PATIENCE, "the closed connections are free again");
     }
     assert_eq!(url.page().0, 200);
-    let pages: Vec<_> = (0..15).map(|_| url.open()).collect();
-    let request = format!(
-        "GET /ws?token={} HTTP/1.1\r\nHost: {host}\r\nOrigin: http://{host}\r\nUpgrade: websocket\r\n\
-         Sec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nConnection: upgrade",
-        url.token,
-        host = url.host
-    );
-    let mut stream = TcpStream::connect(&url.host).expect("it listens");
-    write!(stream, "{request}\r\n\r\n").expect("it reads");
-    let mut status = String::new();
-    BufReader::new(stream).read_line(&mut status).expect("text");
-    assert!(status.contains("503"), "{status}");
+}
+
+/// It was refused without the upgrade, of which scripts learn nothing: it said that it tried again, for ever.
+#[test]
+fn a_page_too_many_is_told_so() {
+    let place = Place::new();
+    let _pool = place.serve("3m:2 --name train");
+    let (_watch, url) = place.watch("train");
+    let pages: Vec<_> = (0..16).map(|_| url.open()).collect();
+    let mut refused = url.connect();
+    let why = refused.error("hello", json!({"version": VERSION}));
+    assert!(why.starts_with("16 pages of this program are open, and it has no more"), "{why}");
+    assert!(refused.socket.read().is_ok_and(|message| message.is_close()), "the page tries again");
     drop(pages);
+    let begin = Instant::now();
+    while url.connect().exchange("hello", json!({"version": VERSION})).get("error").is_some() {
+        assert!(begin.elapsed() < PATIENCE, "there is room for another page");
+    }
 }
 
 /// Connections that send half a request and nothing more, which needs no token, kept every page out.

@@ -25,8 +25,8 @@ const LARGEST_MESSAGE = 2 ** 22;
 export class ConnectionLost extends Error {}
 
 /**
- * A function per event, and what to do when there is a connection, when it is lost, and when the program has
- * another version.
+ * A function per event, and what to do when there is a connection, when it is lost, and when the program
+ * refuses it: it has another version, or as many pages as it can have.
  * @typedef {{ [T in PageEvent["type"]]?: (event: Extract<PageEvent, { type: T }>) => void }
  *   & { open: () => void, close: () => void, refuse: (error: string) => void }} Handlers
  */
@@ -39,6 +39,8 @@ export class Connection {
     /** @type {Map<number, { resolve: (response: any) => void, reject: (error: Error) => void }>} */
     this.waiting = new Map();
     this.next = 1;
+    /** Whether the program refused the page, which then knows more than that the connection ends. */
+    this.isRefused = false;
     /** @type {WebSocket} */
     this.socket = this.connect();
   }
@@ -57,7 +59,8 @@ export class Connection {
     this.socket.onclose = () => {
       for (const { reject } of this.waiting.values()) reject(new ConnectionLost("the connection is lost"));
       this.waiting.clear();
-      this.handlers.close();
+      if (!this.isRefused) this.handlers.close();
+      this.isRefused = false;
       setTimeout(() => this.connect(), RETRY_AFTER);
     };
     return this.socket;
@@ -68,7 +71,9 @@ export class Connection {
       await this.request({ type: "hello", version: VERSION });
       this.handlers.open();
     } catch (error) {
-      if (!(error instanceof ConnectionLost)) this.handlers.refuse(messageOf(error));
+      if (error instanceof ConnectionLost) return;
+      this.isRefused = true;
+      this.handlers.refuse(messageOf(error));
     }
   }
 

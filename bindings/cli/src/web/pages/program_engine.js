@@ -7,8 +7,8 @@ import { Connection, ConnectionLost } from "./connection.js";
 
 /** @import { Request, Response } from "#playground/protocol.d.ts" */
 /**
- * What a page does when the connection is lost or the program has another version, and when a new session
- * knows all that the old one was told.
+ * What a page does when the connection is lost or refused, and when a new session knows all that the old one
+ * was told.
  * @typedef {{ say: (text: string) => void, resume: () => void }} Listener
  */
 

@@ -38,7 +38,7 @@ class WatchPage {
     this.connection = new Connection({
       open: () => this.open(),
       close: () => this.lost(),
-      refuse: (error) => this.lost(error),
+      refuse: (error) => this.state("Refused", "lost", `${error}.`),
       lost: (event) => this.lost(event.error),
       lane: (event) => this.showLane(event),
       grid: (event) => this.grid.take(event.cells, performance.now()),
