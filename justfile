@@ -172,6 +172,14 @@ soak seed="1": (chaos "15" seed)
 faults *args: build install
     PYTHONPATH={{ justfile_directory() }}/tests {{ python }} -m faults {{ args }}
 
+# Tests kill processes, whose profiles are torn. LLVM's tools are rustup's, or those that LLVM_COV and LLVM_PROFDATA name.
+# Print which share of the lines of each crate the Rust tests run (installs cargo-llvm-cov)
+coverage $LLVM_PROFDATA_FLAGS="-failure-mode=all":
+    @command -v cargo-llvm-cov >/dev/null || cargo install --locked cargo-llvm-cov
+    cargo llvm-cov --no-report --release --no-fail-fast
+    cargo llvm-cov report --release --json --summary-only --output-path target/coverage.json
+    python3 .ci/coverage.py target/coverage.json
+
 # Check every interleaving of the hand-off between threads with loom
 loom $RUSTFLAGS="--cfg loom":
     cargo test --profile loom -p smaclite-pool --target-dir target/loom loom_tests

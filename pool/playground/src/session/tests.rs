@@ -295,9 +295,10 @@ fn a_trained_team_plays_the_enemies() {
         }
     }
     for (opponent, scenario, expected) in [
+        ("all-maps", "protoss_5_vs_5", "cannot play the enemies of a scenario with the key `smacv2`"),
         ("3m", "8m", "the enemies of this scenario are 8 with"),
-        ("all-maps", "5m_vs_6m", "the enemies of this scenario are 6 with"),
-        ("all-maps", "3s_vs_3z", "only of scenarios whose two sides are equal"),
+        ("all-maps", "5m_vs_6m", "its sides are not equal"),
+        ("all-maps", "3s_vs_3z", "its sides are not equal"),
     ] {
         let refused = ask(&mut session, against(opponent, scenario, &[]));
         assert!(refused.as_str().is_some_and(|error| error.contains(expected)), "{refused}");
