@@ -187,7 +187,7 @@ impl Envs {
         let ids = ids.as_deref();
         let seeds = Seeds::new(seed, ids.map_or(self.description.settings.num_envs, <[i32]>::len))?;
         let mut guard = self.shared.try_lock()?;
-        let (client, is_incomplete) = guard.to_reset();
+        let (client, is_incomplete) = guard.for_reset();
         let was_incomplete = *is_incomplete;
         *is_incomplete &= ids.is_some(); // a reset of all discards what was not received
         match start {
@@ -314,7 +314,7 @@ impl Envs {
         #[pyo3(from_py_with = timeout_seconds)] timeout: Option<f64>,
     ) -> PyResult<Batch> {
         let timeout = to_duration(timeout)?;
-        receive(py, self.shared.try_lock()?.to_receive()?, timeout)
+        receive(py, self.shared.try_lock()?.for_result()?, timeout)
     }
 
     /// Request new episodes without waiting; `recv` returns the first observations.
@@ -345,7 +345,7 @@ impl Envs {
         let seed = seed.map(|seed| to_unsigned("seed", seed)).transpose()?;
         let ResetArguments { ids, start } = self.reset_arguments(mask, env_id, levels, snapshots)?;
         let (ids, mut guard) = (ids.as_deref(), self.shared.try_lock()?);
-        let (client, is_incomplete) = guard.to_reset();
+        let (client, is_incomplete) = guard.for_reset();
         *is_incomplete &= ids.is_some();
         wait_detached(py, None, |wait| match &start {
             Start::Scenario => client.send_reset(seed, ids, wait),

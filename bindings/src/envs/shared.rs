@@ -71,13 +71,13 @@ impl ClientGuard<'_> {
 
     /// The client, and whether a reset of several requests, all but the last of which are waited for, is
     /// incomplete.
-    pub(super) fn to_reset(&mut self) -> (&mut Client, &mut bool) {
+    pub(super) fn for_reset(&mut self) -> (&mut Client, &mut bool) {
         let attached = self.attached();
         (&mut attached.client, &mut attached.is_incomplete)
     }
 
     /// The client, to receive the result of what was sent before.
-    pub(super) fn to_receive(&mut self) -> PyResult<&mut Client> {
+    pub(super) fn for_result(&mut self) -> PyResult<&mut Client> {
         let attached = self.attached();
         if attached.is_incomplete {
             return Err(invalid_request(
