@@ -10,7 +10,7 @@ mod shared;
 
 use self::render::{Renderer, SheetStyle, render_batch};
 use self::requests::{ResetArguments, Start, begin_step, receive};
-use self::shared::SharedClient;
+use self::shared::{ClientGuard, SharedClient};
 use crate::batch::Batch;
 use crate::convert::{self, Int32Array, IntArg, env_ids, timeout_seconds, to_duration, to_unsigned};
 use crate::errors::{class, client_error, connect_error, invalid_request};
@@ -111,6 +111,24 @@ impl Envs {
         }
         let scenario = setup.files.scenario();
         scenario.map_err(|problems| class::ScenarioError::new_err(problems.to_string()))
+    }
+
+    /// Sends a request to copy environments, and stays in its call.
+    fn send_fork(
+        &self,
+        py: Python<'_>,
+        env_id_from: &Bound<'_, PyAny>,
+        env_id_to: &Bound<'_, PyAny>,
+        seed: Option<IntArg>,
+    ) -> PyResult<ClientGuard<'_>> {
+        let seed = seed.map(|seed| to_unsigned("seed", seed)).transpose()?;
+        let from = convert::int32_array("env_id_from", env_id_from, &[None])?;
+        let to = convert::int32_array("env_id_to", env_id_to, &[None])?;
+        let (from, to) = (from.as_slice()?.to_vec(), to.as_slice()?.to_vec());
+        let mut guard = self.shared.try_lock()?;
+        let client = guard.client();
+        wait_detached(py, None, |wait| client.send_fork(&from, &to, seed, wait))?;
+        Ok(guard)
     }
 
     /// The batch to draw if none was passed.
@@ -251,7 +269,7 @@ impl Envs {
         let ids = ids.as_ref().map(Int32Array::as_slice).transpose()?;
         let mut guard = self.shared.try_lock()?;
         begin_step(py, guard.client(), actions, ids)?;
-        receive(py, guard.client(), timeout)
+        receive(py, guard.sent(), timeout)
     }
 
     /// Send actions without waiting for the result.
@@ -289,7 +307,7 @@ impl Envs {
         let ids = ids.as_ref().map(Int32Array::as_slice).transpose()?;
         let mut guard = self.shared.try_lock()?;
         begin_step(py, guard.client(), actions, ids)?;
-        guard.client().leave();
+        guard.sent().leave();
         Ok(())
     }
 
@@ -345,13 +363,14 @@ impl Envs {
         let seed = seed.map(|seed| to_unsigned("seed", seed)).transpose()?;
         let ResetArguments { ids, start } = self.reset_arguments(mask, env_id, levels, snapshots)?;
         let (ids, mut guard) = (ids.as_deref(), self.shared.try_lock()?);
-        let (client, is_incomplete) = guard.for_reset();
-        *is_incomplete &= ids.is_some();
+        let client = guard.client();
         wait_detached(py, None, |wait| match &start {
             Start::Scenario => client.send_reset(seed, ids, wait),
             Start::Levels(levels) => client.send_reset_to(levels, seed, ids, wait),
             Start::Snapshots(snapshots) => client.send_restore(snapshots, ids, seed, wait),
-        })
+        })?;
+        guard.sent();
+        Ok(())
     }
 
     /// Copy the states of environments to others, inside the pool, and return the batch with the
@@ -384,8 +403,9 @@ impl Envs {
         seed: Option<IntArg>,
         #[pyo3(from_py_with = timeout_seconds)] timeout: Option<f64>,
     ) -> PyResult<Batch> {
-        self.async_fork(py, env_id_from, env_id_to, seed)?;
-        self.recv(py, timeout)
+        let timeout = to_duration(timeout)?;
+        let mut guard = self.send_fork(py, env_id_from, env_id_to, seed)?;
+        receive(py, guard.sent(), timeout)
     }
 
     /// Request what `fork` does, without waiting; `recv` returns the observations.
@@ -407,13 +427,8 @@ impl Envs {
         env_id_to: &Bound<'_, PyAny>,
         seed: Option<IntArg>,
     ) -> PyResult<()> {
-        let seed = seed.map(|seed| to_unsigned("seed", seed)).transpose()?;
-        let from = convert::int32_array("env_id_from", env_id_from, &[None])?;
-        let to = convert::int32_array("env_id_to", env_id_to, &[None])?;
-        let (from, to) = (from.as_slice()?.to_vec(), to.as_slice()?.to_vec());
-        let mut guard = self.shared.try_lock()?;
-        let client = guard.client();
-        wait_detached(py, None, |wait| client.send_fork(&from, &to, seed, wait))
+        self.send_fork(py, env_id_from, env_id_to, seed)?.sent();
+        Ok(())
     }
 
     /// Draw uniformly random available actions, according to `avail_actions` of the newest batch.

@@ -44,8 +44,8 @@ impl<T> Exclusive<T> {
         }
     }
 
-    /// Takes the value out, unless another thread's call is using it: then `None`. There is nothing to take if
-    /// it was taken before, or in a forked child.
+    /// Takes the value out, unless another thread's call is using it: then `None`. There is nothing to take
+    /// if it was taken before, or in a forked child.
     pub fn take_if_idle(&self) -> Option<Option<T>> {
         if self.process.check().is_err() {
             return Some(None);

@@ -71,8 +71,8 @@ pub(crate) fn forget_signals() {
     RECEIVED.store(0, Ordering::Relaxed);
 }
 
-/// A flag that the signals set which ask a program to end. With it a command ends its pools before the program ends; otherwise
-/// files would remain in shared memory.
+/// A flag that the signals set which ask a program to end. With it a command ends its pools before the
+/// program ends; otherwise files would remain in shared memory.
 ///
 /// # Errors
 /// If the system refuses the signal handlers.

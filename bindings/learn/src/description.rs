@@ -108,8 +108,8 @@ impl RunDescription {
     }
 
     /// The same run on a map: one that it was trained on, or, for a team whose networks fit every scenario,
-    /// another one. The enemies are played by the scripts of the training on this map; on another one by those
-    /// that the training was given, or else by the map's own.
+    /// another one. The enemies are played by the scripts of the training on this map; on another one by
+    /// those that the training was given, or else by the map's own.
     ///
     /// # Errors
     /// If the networks fit its own alone, or the scenario has other features than the standard maps.

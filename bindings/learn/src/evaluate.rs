@@ -34,8 +34,8 @@ pub struct Evaluation {
     pub greedy: bool,
     /// Worker threads of the pool.
     pub threads: usize,
-    /// Who plays the enemies; `None` for the scripts of the training, or attack-move if a team played them, and
-    /// on another map as [`RunDescription::on`] says.
+    /// Who plays the enemies; `None` for the scripts of the training, or attack-move if a team played them,
+    /// and on another map as [`RunDescription::on`] says.
     pub opponents: Option<Opponents>,
     /// The folder of a trained team that plays the enemies instead.
     pub opponent_team: Option<PathBuf>,

@@ -69,6 +69,14 @@ impl ClientGuard<'_> {
         &mut self.attached().client
     }
 
+    /// The client, which has sent a request: nothing of an incomplete reset is left, or it would have been
+    /// busy.
+    pub(super) fn sent(&mut self) -> &mut Client {
+        let attached = self.attached();
+        attached.is_incomplete = false;
+        &mut attached.client
+    }
+
     /// The client, and whether a reset of several requests, all but the last of which are waited for, is
     /// incomplete.
     pub(super) fn for_reset(&mut self) -> (&mut Client, &mut bool) {

@@ -28,8 +28,8 @@ pub(crate) fn report_large_files() {
     let _ = signal_hook::flag::register(SIGXFSZ, Arc::default());
 }
 
-/// The signals that ask a program to end: Ctrl-C, `kill`, and the terminal that was closed, unless the program
-/// is to outlive that (`nohup`).
+/// The signals that ask a program to end: Ctrl-C, `kill`, and the terminal that was closed, unless the
+/// program is to outlive that (`nohup`).
 pub(crate) fn stop_signals() -> impl Iterator<Item = i32> {
     [SIGINT, SIGTERM].into_iter().chain((!outlives_terminal()).then_some(SIGHUP))
 }

@@ -236,8 +236,8 @@ fn best_responses_that_are_kept_need_no_temporary_folder() {
     assert!(folder.join("kept/seed-1/weights.safetensors").is_file());
 }
 
-/// Options that have no effect were ignored without a word: clap does not ask for what another argument of the
-/// same command excludes.
+/// Options that have no effect were ignored without a word: clap does not ask for what another argument of
+/// the same command excludes.
 #[test]
 fn options_without_effect_are_refused() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -10,10 +10,11 @@
 //! H is singular, since only differences of strengths matter. With the mean strength held at 0 its inverse is
 //! P = (H + J/n)⁻¹ - J/n, where J is all ones.
 //!
-//! The covariance of the strengths is P B P, where B is the covariance of the gradient (the sandwich of Huber,
-//! 1967): as H, with n_ij σ_ij² in the place of n_ij p_ij p_ji, where σ_ij² is the variance of the scores that
-//! i had in these battles. P alone, the inverse of the Fisher information, takes a draw for a battle that is
-//! lost or won by chance, which is far too wide an interval for players who draw most of their battles.
+//! The covariance of the strengths is P B P, where B is the covariance of the gradient (the sandwich of
+//! Huber, 1967): as H, with n_ij σ_ij² in the place of n_ij p_ij p_ji, where σ_ij² is the variance of the
+//! scores that i had in these battles. P alone, the inverse of the Fisher information, takes a draw for a
+//! battle that is lost or won by chance, which is far too wide an interval for players who draw most of their
+//! battles.
 //!
 //! A player who wins all battles would have an infinite strength. So each pair that has played is given one
 //! more battle, half won and half lost.
@@ -71,8 +72,8 @@ pub(super) fn ratings(points: &[Vec<f64>], draws: &[Vec<f64>]) -> Vec<Elo> {
     strengths.iter().enumerate().map(rating).collect()
 }
 
-/// The variance of the points of one player against another: of their battles, the sum of the squared distances
-/// of the scores from their mean. A score is 1, 1/2 for a draw, or 0.
+/// The variance of the points of one player against another: of their battles, the sum of the squared
+/// distances of the scores from their mean. A score is 1, 1/2 for a draw, or 0.
 fn gradient_variance(won: f64, lost: f64, draws: f64) -> f64 {
     let battles = won + lost;
     let of_squares = won - draws / 4.0; // a draw gives half a point, whose square is a quarter
@@ -167,7 +168,8 @@ mod tests {
     }
 
     /// Tournaments of players whose strengths are known: each true rating is in its interval in about 95 % of
-    /// them. Of the pairs one does not play. Intervals were up to fifteen times too wide where battles are drawn.
+    /// them. Of the pairs one does not play. Intervals were up to fifteen times too wide where battles are
+    /// drawn.
     #[test]
     fn intervals_contain_the_true_ratings() {
         let truth = [1.0, 0.4, -0.1, -1.3];

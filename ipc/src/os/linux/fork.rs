@@ -7,8 +7,8 @@ use std::os::fd::{AsFd, AsRawFd};
 use std::sync::Once;
 use std::sync::atomic::{AtomicI32, AtomicU32, Ordering};
 
-/// Descriptors that forked children give up; -1 is a free place. Not behind a lock, which another thread could
-/// hold at the fork.
+/// Descriptors that forked children give up; -1 is a free place. Not behind a lock, which another thread
+/// could hold at the fork.
 static GIVEN_UP: [AtomicI32; 256] = [const { AtomicI32::new(-1) }; 256];
 
 /// A descriptor that forked children give up: a lock is held and a socket listened at until the last copy of

@@ -103,8 +103,8 @@ impl Battle {
         self.generator = Generator::new(seed);
     }
 
-    /// Forgets what earlier episodes leave to later ones, which only the published fault of SMACv2's interface
-    /// does: the greatest return. A reset should follow.
+    /// Forgets what earlier episodes leave to later ones, which only the published fault of SMACv2's
+    /// interface does: the greatest return. A reset should follow.
     pub fn forget_episodes(&mut self) {
         self.perceiver = self.perceiver.take().map(|_| Box::default());
     }
