@@ -113,6 +113,9 @@ pub fn check_replay_path(argument: &str, path: &Path) -> PyResult<()> {
 /// `save` and `n_complete` read it. `n_lost` is the number of episodes that were dropped unread. Files are
 /// replays: `smaclite-pool replay FILE --to FILE.html` makes a page of one.
 ///
+/// Only one thread may call a recorder at a time; a concurrent call raises Busy. After a fork, calls in the
+/// child raise Forked.
+///
 /// Args:
 ///     pool: the pool's name: that of `smaclite-pool serve --name`, or `Envs.spec.pool`.
 ///     lane: the lane's name; it may be omitted if the pool has only one lane.

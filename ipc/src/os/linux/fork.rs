@@ -14,24 +14,28 @@ static GIVEN_UP: [AtomicI32; 256] = [const { AtomicI32::new(-1) }; 256];
 /// A descriptor that forked children give up: a lock is held and a socket listened at until the last copy of
 /// its descriptor is closed, and a pool that was killed would seem to run for as long as a child of its
 /// process does. To be dropped before the descriptor is closed.
-pub(crate) struct NotInherited(Option<&'static AtomicI32>);
+pub(crate) struct NotInherited {
+    raw: i32,
+    /// `None` for more than 128 pools in one process, whose names a forked child then keeps.
+    place: Option<&'static AtomicI32>,
+}
 
 impl NotInherited {
-    /// Without effect for more than 128 pools in one process.
     pub(crate) fn new(descriptor: &impl AsFd) -> NotInherited {
         process_id(); // registers the handler
         let raw = descriptor.as_fd().as_raw_fd();
         let is_taken = |place: &&AtomicI32| {
             place.compare_exchange(-1, raw, Ordering::Relaxed, Ordering::Relaxed).is_ok()
         };
-        NotInherited(GIVEN_UP.iter().find(is_taken))
+        NotInherited { raw, place: GIVEN_UP.iter().find(is_taken) }
     }
 }
 
 impl Drop for NotInherited {
     fn drop(&mut self) {
-        if let Some(place) = self.0 {
-            place.store(-1, Ordering::Relaxed);
+        if let Some(place) = self.place {
+            // In a forked child the place can be that of another descriptor by now.
+            let _ = place.compare_exchange(self.raw, -1, Ordering::Relaxed, Ordering::Relaxed);
         }
     }
 }
