@@ -156,7 +156,11 @@ fn what_cannot_be_recorded_is_an_error() {
         "invalid value '-1' for '--seed <SEED>': must be a whole number",
     );
     error("record 3mm --out a.smreplay", 1, "did you mean `3m`?");
-    error("record 3m --out absent/a.smreplay", 1, "absent/a.smreplay: No such file or directory");
+    error(
+        "record 3m --out absent/a.smreplay",
+        1,
+        "--out must be in a folder that exists; there is no `absent`",
+    );
     error("record 3m --rules chess --out a.smreplay", 2, "chess");
 }
 
@@ -170,8 +174,16 @@ fn what_cannot_be_replayed_is_an_error() {
     error("replay 3m.smreplay --to ..", 1, suffixes);
     error("replay 3m.smreplay --to battle.mp4", 1, "needs the program ffmpeg, which is not installed");
     error("replay 3m.smreplay --to a.gif --episode 2", 1, "episode must be below 2");
-    error("replay 3m.smreplay --to a.gif --fps 0", 1, "--fps must be above 0 and at most 1000, got 0");
-    error("replay 3m.smreplay --to a.gif --fps nan", 1, "--fps must be above 0 and at most 1000, got NaN");
+    error(
+        "replay 3m.smreplay --to a.gif --fps 0",
+        1,
+        "--fps must be above 0 and at most 50 for a GIF, got 0",
+    );
+    error(
+        "replay 3m.smreplay --to a.mp4 --fps nan",
+        1,
+        "--fps must be above 0 and at most 1000 for an MP4 file, got NaN",
+    );
     error("replay 3m.smreplay --to a.gif --size 9x9", 2, "must be WIDTHxHEIGHT, each between 16 and 4096");
     error("replay 3m.smreplay --to a.html --episode 1", 1, "--episode has no effect on a page");
     error("replay 3m.smreplay --to frames --fps 8", 1, "--fps has no effect on a folder");
