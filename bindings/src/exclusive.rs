@@ -10,7 +10,7 @@ use std::sync::{Mutex, MutexGuard, TryLockError};
 /// for its own thread, and a forked child for a thread that only its parent has.
 pub struct Exclusive<T> {
     value: Mutex<Option<T>>,
-    /// Who made it. Beside the mutex, as a forked child may have a copy that is locked for ever.
+    /// Who made it. Beside the mutex, as a forked child may have a copy that stays locked.
     process: ProcessOwned<()>,
     texts: Texts,
 }

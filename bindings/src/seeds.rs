@@ -97,7 +97,7 @@ impl Seeds {
         let (mut newest, last) = (None, groups.len().saturating_sub(1));
         for (group, (base, places)) in groups.into_iter().enumerate() {
             *is_incomplete = group < last; // before it is sent: the wait for the last one can be continued
-            drop(newest.take()); // a batch that nobody sees must not count as held
+            drop(newest.take()); // its caller does not get it, so it must not count as held
             // The first reset of a lane must be of all environments; those of other groups follow.
             if group == 0 && ids.is_none() {
                 newest = Some(request(base, None, levels)?);

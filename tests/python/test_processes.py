@@ -53,7 +53,7 @@ def test_closing_after_the_end_of_the_pool_is_no_error(serve: Serve, tmp_path: P
 
 
 def test_a_forked_child_of_a_busy_learner_is_told_that_it_is_one() -> None:
-    """It was told that another thread is busy, for ever, and could not leave its `with` block."""
+    """It was always told that another thread is busy, and could not leave its `with` block."""
     with sp.make("3m", 4, threads=1) as envs:
         envs.reset(seed=1)
         ended = threading.Event()

@@ -216,7 +216,7 @@ def test_a_reset_that_ended_early_is_not_received_as_if_it_were_whole(serve: Ser
 
 
 def test_a_recorder_is_used_by_one_thread_of_one_process(serve: Serve) -> None:
-    """Another thread's call was waited for, deaf to Ctrl-C, and in a forked child for ever."""
+    """A call waited for that of another thread, without Ctrl-C, and in a forked child without end."""
     server = serve("3m:1", "--name", "train")
     with sp.Recorder("train") as recorder:
         stop(server)

@@ -372,7 +372,7 @@ def test_a_lane_of_the_address_that_no_pool_has_is_no_lane(browser: Any, program
 
 
 def test_a_page_too_many_says_so_until_another_is_closed(browser: Any, programs_of_test: Programs) -> None:
-    """It said for ever that the connection is lost, and tried again."""
+    """It only said that the connection is lost, and tried again without end."""
     programs_of_test.serve("3m:2")
     url = programs_of_test.watch()
     others = [browser.new_page() for _ in range(16)]

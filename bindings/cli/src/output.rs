@@ -16,11 +16,31 @@ impl Write for Output {
     }
 }
 
+/// An error of standard output.
+#[derive(Debug, thiserror::Error)]
+#[error("standard output: {0}")]
+struct OutputError(io::Error);
+
 fn named(error: io::Error) -> io::Error {
-    io::Error::new(error.kind(), format!("standard output: {error}"))
+    io::Error::new(error.kind(), OutputError(error))
 }
 
-/// Whether this error is that the reader of standard output has closed it, as `| head` does.
+/// Whether this error is that the reader of standard output has closed it, as `| head` does. That of another
+/// pipe is not.
 pub(crate) fn is_closed(error: &(dyn Error + 'static)) -> bool {
-    error.downcast_ref::<io::Error>().is_some_and(|error| error.kind() == ErrorKind::BrokenPipe)
+    let error = error.downcast_ref::<io::Error>().filter(|error| error.kind() == ErrorKind::BrokenPipe);
+    error.and_then(io::Error::get_ref).is_some_and(|inner| inner.is::<OutputError>())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A command whose other pipe broke, as that to ffmpeg, ended without a message and with status 0.
+    #[test]
+    fn only_standard_output_is_meant() {
+        let broken = || io::Error::from(ErrorKind::BrokenPipe);
+        assert!(is_closed(&named(broken())) && !is_closed(&broken()));
+        assert!(!is_closed(&named(ErrorKind::StorageFull.into())));
+    }
 }

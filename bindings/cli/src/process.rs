@@ -9,7 +9,7 @@ use std::sync::{Arc, LazyLock};
 const FIRST_PROCESS: &str = "SMACLITE_POOL_FIRST_PROCESS";
 
 /// A second process, which is terminated (SIGTERM) and waited for when this is dropped. On Linux it also ends
-/// when this process is killed, or its pool would run for ever.
+/// when this process is killed, or its pool would never end.
 pub struct SecondProcess(Child);
 
 impl SecondProcess {

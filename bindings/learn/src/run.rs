@@ -212,7 +212,7 @@ impl Run {
         let state = Checkpoint::read(&path, &config, &description.inputs, &mut read_rival)?;
         let training = Training::resume(config, lanes, threads, state)?;
         let run = Run::open(folder, &description, training, threads, lock)?;
-        // With the new number of steps, once nothing can refuse it any more.
+        // Last: an error before it leaves the old number of steps.
         write_description(folder, run.config(), &setup, &other_maps)?;
         Ok(run)
     }

@@ -36,8 +36,8 @@ export function sharedOf({ source, team, begun }) {
 }
 
 /**
- * Whether another battle of a shown one is against other enemies, though nobody chose them: a replay does not
- * have the team that played them.
+ * Whether another battle of a shown one is against other enemies without a choice of the user: a replay does
+ * not have the team that played them.
  * @param {BegunBattle} shown
  * @param {{ scenario: string, opponent: string }} choice
  */

@@ -27,7 +27,7 @@ Examples:
 A pairing is a player with the agents against one with the enemies; all are played, also those of a player \
 against itself. A trained team plays the enemies in the mirror, so the sides of its scenario must be equal.
 Elo ratings are those of the Bradley-Terry model by maximum likelihood, a draw as half a win, with 95 % \
-intervals from the Fisher information (docs/how-to/evaluation.md).")]
+intervals from how much the scores of each pair vary (docs/how-to/evaluation.md).")]
 pub(super) struct PlayTournament {
     /// Scripts (attack_move, attack_nearest or a scripted policy), folders of runs of `smaclite-pool train`,
     /// and teams of the zoo as zoo:SCENARIO

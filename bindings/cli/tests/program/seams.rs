@@ -336,7 +336,7 @@ fn a_closed_terminal_ends_a_pool_cleanly() {
     assert!(!output(folder, "list").contains("closed"));
 }
 
-/// The pool of a benchmark ran for ever when the benchmark was killed.
+/// The pool of a benchmark never ended when the benchmark was killed.
 #[test]
 fn the_pool_of_a_killed_benchmark_ends() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -168,7 +168,7 @@ fn many_connections_do_not_exhaust_the_program() {
     assert_eq!(url.page().0, 200);
 }
 
-/// It was refused without the upgrade, of which scripts learn nothing: it said that it tried again, for ever.
+/// It was refused before the upgrade, and scripts are not told why: it said that it tried again, without end.
 #[test]
 fn a_page_too_many_is_told_so() {
     let place = Place::new();

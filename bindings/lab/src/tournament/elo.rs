@@ -57,13 +57,13 @@ pub(super) fn ratings(points: &[Vec<f64>], draws: &[Vec<f64>]) -> Vec<Elo> {
         }
     }
     let inverse = inverse(information(&points, &strengths));
-    let pairs = || (0..n).flat_map(|j| (0..j).map(move |k| (j, k)));
     let variance = |i: usize| -> f64 {
+        let pairs = (0..n).flat_map(|j| (0..j).map(move |k| (j, k)));
         let of_pair = |(j, k): (usize, usize)| {
             gradient_variance(points[j][k], points[k][j], draws[j][k])
                 * (inverse[i][j] - inverse[i][k]).powi(2)
         };
-        pairs().map(of_pair).sum()
+        pairs.map(of_pair).sum()
     };
     let rating = |(i, strength): (usize, &f64)| Elo {
         elo: MEAN + PER_STRENGTH * strength,
@@ -145,7 +145,7 @@ mod tests {
     /// strengths has the variance 1 / (n p q).
     #[test]
     fn two_players_have_the_ratings_of_the_closed_form() {
-        let ratings = ratings(&[vec![0.0, 149.5], vec![49.5, 0.0]], &no_draws(2));
+        let ratings = ratings(&[vec![0.0, 149.5], vec![49.5, 0.0]], &zeros(2));
         let difference = 400.0 * (150.0f64 / 50.0).log10();
         let deviation = PER_STRENGTH * (1.0 / (200.0 * 0.75 * 0.25_f64)).sqrt();
         for (rating, sign) in ratings.iter().zip([0.5, -0.5]) {
@@ -156,7 +156,7 @@ mod tests {
 
     #[test]
     fn who_wins_all_battles_has_a_finite_rating_and_a_wide_interval() {
-        let ratings = ratings(&[vec![0.0, 1000.0], vec![0.0, 0.0]], &no_draws(2));
+        let ratings = ratings(&[vec![0.0, 1000.0], vec![0.0, 0.0]], &zeros(2));
         assert!((ratings[0].elo - ratings[1].elo - 400.0 * 2001.0f64.log10()).abs() < 1e-6, "{ratings:?}");
         assert!(ratings[0].half_width > 200.0, "{ratings:?}");
     }
@@ -164,7 +164,7 @@ mod tests {
     #[test]
     fn equal_players_are_equal_and_battles_against_oneself_do_not_count() {
         let points = vec![vec![0.0, 50.0, 50.0], vec![50.0, 900.0, 50.0], vec![50.0, 50.0, 0.0]];
-        assert!(ratings(&points, &no_draws(3)).iter().all(|rating| (rating.elo - 1000.0).abs() < 1e-9));
+        assert!(ratings(&points, &zeros(3)).iter().all(|rating| (rating.elo - 1000.0).abs() < 1e-9));
     }
 
     /// Tournaments of players whose strengths are known: each true rating is in its interval in about 95 % of
@@ -178,7 +178,7 @@ mod tests {
             let mut inside = 0;
             for tournament in 0..n_tournaments {
                 let mut generator = generator(1, Purpose::Evaluation, [tournament, 0]);
-                let [mut points, mut draws] = [no_draws(truth.len()), no_draws(truth.len())];
+                let [mut points, mut draws] = [zeros(truth.len()), zeros(truth.len())];
                 for (i, j) in (0..truth.len()).flat_map(|i| (0..i).map(move |j| (i, j))) {
                     // As many draws as leave the expected share what it is.
                     let expected = share(&truth, i, j);
@@ -204,7 +204,7 @@ mod tests {
         }
     }
 
-    fn no_draws(n_players: usize) -> Vec<Vec<f64>> {
+    fn zeros(n_players: usize) -> Vec<Vec<f64>> {
         vec![vec![0.0; n_players]; n_players]
     }
 }
