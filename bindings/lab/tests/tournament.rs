@@ -166,7 +166,15 @@ fn players_that_cannot_meet_are_refused() {
     check(&["kite", "learner"], Some("3m"), "`learner` is neither a script");
     check(&["kite", "."], Some("3m"), "it has no run.json");
     check(&["attack_move", "attack_nearest"], Some("3m"), "cannot play against each other");
-    check(&[&team, "kite"], Some("8m"), "was trained in 3m, but 8m is played; scenario,");
+    check(
+        &[&team, "kite"],
+        Some("8m"),
+        "was trained in 3m, but 8m is played; they differ in scenario or unit types, episode limit (60",
+    );
+    let other_rules = BattleSetup { rules: Rules::Paper, ..setup("3m") };
+    let error = Tournament { setup: Some(other_rules), ..tournament(&[&team, "kite"], None) };
+    let error = error.play(&mut || false).unwrap_err().to_string();
+    assert!(error.ends_with("they differ in rules (smaclite instead of paper)"), "{error}");
     check(&[&team, &asymmetric], None, "was trained in 5m_vs_6m, but 3m is played");
     check(&[&asymmetric, "kite"], None, "the sides of 5m_vs_6m differ (5 agents, 6 enemies), so a team");
     let error = tournament(&["kite", "hold"], Some("3m")).play(&mut || true).unwrap_err();

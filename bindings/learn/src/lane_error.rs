@@ -19,11 +19,8 @@ pub enum LaneError {
          without --batch-size"
     )]
     Asynchronous { lane: String, batch_size: usize, num_envs: usize },
-    #[error(
-        "lane `{lane}` plays {given}, but {name} was expected; scenario, unit types, rules and episode limit \
-         must be equal"
-    )]
-    OtherScenario { lane: String, given: String, name: String },
+    #[error("lane `{lane}` plays {given}, but {name} was expected; they differ in {differences}")]
+    OtherScenario { lane: String, given: String, name: String, differences: String },
     #[error("lane `{lane}` has {n_agents} agents and {n_actions} actions; a team can have 65535 of each")]
     TooLarge { lane: String, n_agents: usize, n_actions: usize },
     #[error("the lanes have {given} environments, but the run has {expected}")]

@@ -198,8 +198,9 @@ impl Lanes {
                 WaitOptions::interrupted_by(interrupted),
             )?;
             if given != expected {
-                let (lane, name) = (description.lane.clone(), scenario.name.clone());
-                return Err(LaneError::OtherScenario { lane, given: description.scenario.clone(), name });
+                let differences = given.differences(&expected);
+                let (lane, given) = (description.lane.clone(), description.scenario.clone());
+                return Err(LaneError::OtherScenario { lane, given, name: scenario.name, differences });
             }
             let settings = description.settings;
             sizes = sizes_with_history(arena.sizes(), settings.obs_last_actions);

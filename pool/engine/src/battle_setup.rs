@@ -1,9 +1,11 @@
 //! What battles are played with: the one record that pools, replays and training runs keep of it.
 
+use crate::sides::EnemySide;
 use crate::{Arena, Opponents, Rules, Sides};
 use serde::{Deserialize, Serialize};
 use smaclite_scenarios::{Problem, Problems, Scenario, ScenarioFiles};
 use smaclite_units::file::Report;
+use std::fmt;
 
 /// What battles are played with. As JSON, the keys `files`, `rules`, `episode_limit` and, where they are not
 /// the defaults, `opponents` and `sides`.
@@ -86,6 +88,42 @@ impl BattleSetup {
         };
         Ok((scenario, arena))
     }
+
+    /// In what these battles differ from the expected ones, for messages: such as `rules (paper instead of
+    /// smaclite)`, with commas between several. Empty if they are equal.
+    pub fn differences(&self, expected: &BattleSetup) -> String {
+        let mut parts = Vec::new();
+        if self.files != expected.files {
+            parts.push("scenario or unit types".to_owned());
+        }
+        let mut compare = |what: &str, given: &dyn ToString, expected: &dyn ToString| {
+            let (given, expected) = (given.to_string(), expected.to_string());
+            if given != expected {
+                parts.push(format!("{what} ({given} instead of {expected})"));
+            }
+        };
+        compare("rules", &self.rules, &expected.rules);
+        compare("episode limit", &self.episode_limit, &expected.episode_limit);
+        compare("opponents", &self.opponents, &expected.opponents);
+        let sides = |sides| match sides {
+            Sides::Allies => "allies".to_owned(),
+            Sides::Both(EnemySide { mirror, zero_sum }) => {
+                format!("both, mirror={mirror}, zero_sum={zero_sum}")
+            }
+        };
+        compare("sides", &sides(self.sides), &sides(expected.sides));
+        parts.join(", ")
+    }
+}
+
+impl fmt::Display for EpisodeLimit {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            EpisodeLimit::Scenario => f.write_str("the scenario's"),
+            EpisodeLimit::Steps(steps) => steps.fmt(f),
+            EpisodeLimit::None => f.write_str("none"),
+        }
+    }
 }
 
 /// The limit of an arena, in which the scenario's has been looked up: a number of steps, or none.
@@ -111,5 +149,21 @@ mod tests {
             assert_eq!(serde_json::to_value(rules).unwrap(), rules.to_string());
             assert_eq!(serde_json::from_value::<Rules>(rules.to_string().into()).unwrap(), rules);
         }
+    }
+
+    #[test]
+    fn differences_are_named_one_by_one() {
+        let setup = |map: &str| BattleSetup::new(ScenarioFiles::resolve(map).unwrap().1);
+        let expected = setup("3m");
+        assert_eq!(expected.differences(&expected), "");
+        assert_eq!(setup("8m").differences(&expected), "scenario or unit types");
+        let rules = BattleSetup { rules: Rules::Paper, ..setup("3m") };
+        assert_eq!(rules.differences(&expected), "rules (paper instead of smaclite)");
+        let both = Sides::Both(EnemySide::default());
+        let given = BattleSetup { episode_limit: EpisodeLimit::Steps(7), ..setup("3m").with_sides(both) };
+        let words = "episode limit (7 instead of the scenario's), \
+                     opponents (learner instead of attack_move), \
+                     sides (both, mirror=false, zero_sum=false instead of allies)";
+        assert_eq!(given.differences(&expected), words);
     }
 }

@@ -151,11 +151,8 @@ pub enum TournamentError {
     OnlyMarches,
     #[error("no player is a trained team, so the scenario must be named")]
     NoScenario,
-    #[error(
-        "`{folder}` was trained in {given}, but {expected} is played; scenario, unit types, rules and \
-         episode limit must be equal"
-    )]
-    OtherScenario { folder: String, given: String, expected: String },
+    #[error("`{folder}` was trained in {given}, but {expected} is played; they differ in {differences}")]
+    OtherScenario { folder: String, given: String, expected: String, differences: String },
     #[error(
         "the sides of {name} differ ({n_agents} agents, {n_enemies} enemies), so a team that was trained \
          with its agents cannot play its enemies; here only scripts play against each other, and \
@@ -243,8 +240,17 @@ impl Tournament {
             if (of_run.scenario_hash(), of_run.episode_limit())
                 != (arena.scenario_hash(), arena.episode_limit())
             {
+                let played = BattleSetup { episode_limit: arena.episode_limit().into(), ..setup.clone() };
+                let of_run = BattleSetup {
+                    files: run.setup.files.clone(),
+                    rules: run.setup.rules,
+                    episode_limit: of_run.episode_limit().into(),
+                    ..played.clone()
+                };
+                let differences = of_run.differences(&played);
                 let (folder, given) = (folder.clone(), run.name.clone());
-                return Err(TournamentError::OtherScenario { folder, given, expected: scenario.name });
+                let expected = scenario.name;
+                return Err(TournamentError::OtherScenario { folder, given, expected, differences });
             }
         }
         Ok(setup)

@@ -232,6 +232,11 @@ fn lanes_that_a_team_cannot_play_on_are_refused() {
         assert!(error.contains(expected), "{error}");
     };
     check("2s3z", &|_| {}, "lane `lane` plays 2s3z, but 3m was expected");
+    check(
+        "3m",
+        &|lane| lane.setup.rules = Rules::Paper,
+        "lane `lane` plays 3m, but 3m was expected; they differ in rules (paper instead of smaclite)",
+    );
     check("3m", &|lane| lane.settings.batch_size = 5, "its batches have 5 of 10 environments");
     check("3m", &|lane| lane.settings.autoreset = Autoreset::SameStep, "has autoreset_mode `SameStep`, but");
     let without_state = |lane: &mut LaneConfig| {
