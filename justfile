@@ -32,7 +32,7 @@ test: test-rust test-python
 
 # Run Rust tests (argument: run only tests whose name contains it)
 test-rust *args:
-    cargo test --release {{ args }}
+    cargo test --release --no-fail-fast {{ args }}
 
 # Tests mostly wait for processes that they start, so the cores have work for as many test processes; more than four
 # would need more memory than laptops have. A file's tests stay together, as they share what takes long to make. (To

@@ -70,8 +70,10 @@ def runtime_dir(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     root = Path(tempfile.mkdtemp(prefix="sp-", dir="/tmp" if os.name == "posix" else None)).resolve()
     monkeypatch.setenv("SMACLITE_POOL_ROOT", str(root))
     yield root
-    gc.collect()  # a failed test's traceback may be in a cycle with its environments
     left = left_over(root)
+    if left:
+        gc.collect()  # the environments may be in a cycle, with a failed test's traceback for instance
+        left = left_over(root)
     shutil.rmtree(root)
     for path in map(Path, left):
         shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
