@@ -1,6 +1,7 @@
 //! `Batch`, a received batch in Python, with one property per field, generated from the table of fields.
 
-use crate::convert::{bool_array, float32_array, format_shape, int32_array, to_array, type_name};
+use crate::arrays::{bool_array, float32_array, format_shape, int32_array, to_array};
+use crate::convert::type_name;
 use crate::errors::invalid_request;
 use crate::habits::{self, Place};
 use crate::views::{self, Frame};

@@ -11,8 +11,9 @@ mod shared;
 use self::render::{Renderer, SheetStyle, render_batch};
 use self::requests::{ResetArguments, Start, begin_step, receive};
 use self::shared::{ClientGuard, SharedClient};
+use crate::arrays::{self, Int32Array, env_ids};
 use crate::batch::Batch;
-use crate::convert::{self, Int32Array, IntArg, env_ids, timeout_seconds, to_duration, to_unsigned};
+use crate::convert::{IntArg, timeout_seconds, to_duration, to_unsigned};
 use crate::errors::{class, client_error, connect_error, invalid_request};
 use crate::exit::{self, CloseAtExit};
 use crate::habits::{Place, cannot_be_copied, no_attribute, refuse_keywords};
@@ -122,8 +123,8 @@ impl Envs {
         seed: Option<IntArg>,
     ) -> PyResult<ClientGuard<'_>> {
         let seed = seed.map(|seed| to_unsigned("seed", seed)).transpose()?;
-        let from = convert::int32_array("env_id_from", env_id_from, &[None])?;
-        let to = convert::int32_array("env_id_to", env_id_to, &[None])?;
+        let from = arrays::int32_array("env_id_from", env_id_from, &[None])?;
+        let to = arrays::int32_array("env_id_to", env_id_to, &[None])?;
         let (from, to) = (from.as_slice()?.to_vec(), to.as_slice()?.to_vec());
         let mut guard = self.shared.try_lock()?;
         let client = guard.client();
@@ -455,7 +456,7 @@ impl Envs {
         let ids = env_ids(env_id)?;
         let shape = [self.request_size(ids.as_ref()), self.description.sizes.n_actors()];
         let out = match out {
-            Some(out) => convert::output_array(out, shape)?,
+            Some(out) => arrays::output_array(out, shape)?,
             None => PyArray2::zeros(py, shape, false),
         };
         let ids = ids.as_ref().map(Int32Array::as_slice).transpose()?;

@@ -4,6 +4,7 @@
 
 #![deny(unsafe_code)] // except in `views`, whose SAFETY comments say why
 
+mod arrays;
 mod batch;
 mod capability_battle;
 mod convert;

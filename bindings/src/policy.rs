@@ -1,7 +1,8 @@
 //! `ScriptedPolicy`: the scripted policies of the engine, played with the fields of batches.
 
+use crate::arrays;
 use crate::batch::{Batch, missing_field_error};
-use crate::convert::{self, IntArg, side_name, to_side, to_unsigned};
+use crate::convert::{IntArg, side_name, to_side, to_unsigned};
 use crate::envs::arg::EnvsArg;
 use crate::errors::invalid_request;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
@@ -154,7 +155,7 @@ impl ScriptedPolicy {
         }
         let (states, masks) = (batch.floats(py, state)?, batch.flags(py, masks)?);
         let shape = [batch.layout().slots(), sizes.n_agents];
-        let out = out.map(|out| convert::output_array(out, shape)).transpose()?;
+        let out = out.map(|out| arrays::output_array(out, shape)).transpose()?;
         // Not written to `out` directly: other threads may use that array meanwhile.
         let actions = py.detach(|| {
             let mut actions = vec![0; shape[0] * shape[1]];

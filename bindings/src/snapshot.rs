@@ -1,6 +1,6 @@
 //! Snapshots in Python: their columns as arrays, and back.
 
-use crate::convert::snapshots;
+use crate::arrays::snapshots;
 use crate::envs::arg::ScenarioArg;
 use crate::errors::invalid_request;
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};

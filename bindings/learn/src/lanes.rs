@@ -8,14 +8,13 @@ use crate::architecture::Inputs;
 use crate::config::{Config, Enemies};
 use crate::lane_error::LaneError;
 use crate::view::fields_read;
-use smaclite_engine::{BattleSetup, EpisodeLimit, Faction, Rules, Sizes};
+use smaclite_engine::{BattleSetup, Faction, Sizes};
 use smaclite_ipc::{
     Batch, Client, ClientError, ConnectError, LaneConfig, LaneDescription, RuntimeDir, Supervisor,
     SupervisorConfig, WaitOptions, WaitStrategy, lane_scenario,
 };
 use smaclite_pool::fields::{Field, FieldSet};
 use smaclite_pool::{Autoreset, LaneSettings, PoolOptions};
-use smaclite_scenarios::{ScenarioError, ScenarioFiles};
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -23,30 +22,6 @@ use std::time::Duration;
 
 /// How long to wait for a batch. Those of the slowest scenarios take less than a second.
 const TIMEOUT: Duration = Duration::from_secs(120);
-
-/// Steps of an episode in a scenario without a limit: units that stay apart would never end it.
-const DEFAULT_LIMIT: u32 = 1000;
-
-/// The same battles, whose episodes end after 1000 steps if they have no limit, as those of a pool can have
-/// none: for what plays whole episodes.
-pub fn with_an_end(setup: BattleSetup) -> BattleSetup {
-    let episode_limit = match setup.episode_limit {
-        EpisodeLimit::None => EpisodeLimit::Steps(DEFAULT_LIMIT),
-        limit => limit,
-    };
-    BattleSetup { episode_limit, ..setup }
-}
-
-/// The setup of a standard scenario or a scenario file. Without an episode limit, its episodes end after 1000
-/// steps.
-///
-/// # Errors
-/// If the scenario cannot be read.
-pub fn resolve_scenario(name: &str, rules: Rules) -> Result<BattleSetup, ScenarioError> {
-    let (scenario, files) = ScenarioFiles::resolve(name)?;
-    let episode_limit = EpisodeLimit::Steps(scenario.episode_limit.unwrap_or(DEFAULT_LIMIT));
-    Ok(BattleSetup { rules, episode_limit, ..BattleSetup::new(files) })
-}
 
 /// Returns `true` when a wait is to end.
 type Interrupted<'a> = &'a mut dyn FnMut() -> bool;

@@ -2,8 +2,9 @@
 
 use super::Envs;
 use super::arg::ScenarioArg;
+use crate::arrays::{self, Int32Array, env_ids, require_envs};
 use crate::batch::Batch;
-use crate::convert::{self, Int32Array, IntArg, env_ids, require_envs, to_unsigned};
+use crate::convert::{self, IntArg, to_unsigned};
 use crate::errors::invalid_request;
 use numpy::{PyArray1, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
@@ -156,7 +157,7 @@ impl Renderer {
     ///     InvalidRequest: the state has another shape.
     ///     TypeError: the state is not an array of floats.
     fn render<'py>(&self, py: Python<'py>, state: &Bound<'py, PyAny>) -> PyResult<Pixels<'py>> {
-        let state = convert::float32_array("state", state, &[Some(self.state_size)])?;
+        let state = arrays::float32_array("state", state, &[Some(self.state_size)])?;
         self.draw(py, &state.to_vec()?)
     }
 
@@ -186,7 +187,7 @@ impl Renderer {
         captions: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Pixels<'py>> {
         let style = SheetStyle::new(columns, captions)?;
-        let states = convert::float32_array("states", states, &[None, Some(self.state_size)])?;
+        let states = arrays::float32_array("states", states, &[None, Some(self.state_size)])?;
         let count = states.len();
         if count == 0 {
             return Err(invalid_request("states must have at least one row, got none"));
@@ -233,7 +234,7 @@ impl<'py> Selection<'py> {
                 Err(other.error("env_id must be an integer, or integers of shape (K,)"))
             }
             IntArg::Other(_) => {
-                let ids = convert::int32_array("env_id", arg, &[None])?;
+                let ids = arrays::int32_array("env_id", arg, &[None])?;
                 require_envs("env_id", ids.as_slice()?)?;
                 Ok(Selection::Some(ids))
             }

@@ -1,8 +1,8 @@
 //! What the methods of `Envs` send and receive: their arguments as requests, and batches.
 
 use super::Envs;
+use crate::arrays::{self, Actions, Int32Array, env_ids, require_envs, selected_envs};
 use crate::batch::Batch;
-use crate::convert::{self, Actions, Int32Array, env_ids, require_envs, selected_envs};
 use crate::errors::{client_error, invalid_request};
 use crate::wait::wait_detached;
 use pyo3::prelude::*;
@@ -23,7 +23,7 @@ impl Envs {
         }
         let num_envs = ids.map_or(self.description.settings.num_envs, <[i32]>::len);
         let [n_units, n_columns] = [1, 2].map(|axis| self.layout.shape(Field::Level)[axis]);
-        convert::levels(levels, &[num_envs, n_units, n_columns].map(Some))
+        arrays::levels(levels, &[num_envs, n_units, n_columns].map(Some))
     }
 
     /// Converts the arguments of `reset` and `async_reset`.
@@ -50,7 +50,7 @@ impl Envs {
             (None, Some(snapshots)) => {
                 let num_envs = ids.as_ref().map_or(self.description.settings.num_envs, Vec::len);
                 let size = self.layout.snapshot_size();
-                Start::Snapshots(convert::snapshot_rows(snapshots, num_envs, size)?)
+                Start::Snapshots(arrays::snapshot_rows(snapshots, num_envs, size)?)
             }
             (Some(_), Some(_)) => {
                 let text = "levels and snapshots cannot be combined; pass only one of them";
@@ -71,7 +71,7 @@ impl Envs {
             require_envs("env_id", ids.as_slice()?)?;
         }
         let n_envs = self.request_size(ids.as_ref());
-        let actions = convert::actions(actions, n_envs, self.description.sizes.n_actors())?;
+        let actions = arrays::actions(actions, n_envs, self.description.sizes.n_actors())?;
         Ok((actions, ids))
     }
 }

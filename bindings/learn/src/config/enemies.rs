@@ -115,7 +115,7 @@ impl Enemies {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::lanes::resolve_scenario;
+    use crate::setups::resolve_scenario;
     use smaclite_engine::Rules;
 
     #[test]

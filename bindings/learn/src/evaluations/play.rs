@@ -3,11 +3,11 @@
 use crate::battles::{Ended, Pairing, Play, Player};
 use crate::config::Enemies;
 use crate::description::{OPPONENT, RunDescription, Weights};
-use crate::lanes::with_an_end;
 use crate::parallel::{self, Interrupted};
 use crate::policy::Choice;
 use crate::random::{Purpose, seed};
 use crate::rollout::Episode;
+use crate::setups::with_an_end;
 use crate::team::{Network, Team};
 use crate::tensors::FileError;
 use crate::trained_team::TrainedTeam;

@@ -6,6 +6,7 @@ use thiserror::Error;
 
 mod columns;
 mod ranges;
+mod read;
 mod record;
 mod write;
 
