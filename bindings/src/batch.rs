@@ -175,7 +175,7 @@ fn new_field<'py>(
 pub fn missing_field_error(field: Field) -> PyErr {
     let name = field.spec().name;
     let advice = if field.is_final() {
-        "it exists only with autoreset_mode=\"SameStep\""
+        "it exists only with autoreset_mode=\"SameStep\", if `fields` names it or is omitted"
     } else if FieldSet::DEFAULT.contains(field) {
         "add it to `fields`, or omit `fields` for all"
     } else {

@@ -55,7 +55,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 ///         "starcraft", nearer to the battles of StarCraft. See `docs/concepts/starcraft.md`.
 ///     opponent: who plays the enemies: a name of `OPPONENTS`; a trained team, as "zoo:3m" or by the folder
 ///         of its run; or a dictionary of such names and weights, of which each episode draws one from the
-///         environment's generator. None: "attack_move", or "learner" if actions play both sides. See
+///         environment's generator. None: the scenario's own, or "learner" if actions play both sides. See
 ///         `docs/reference/policies.md`.
 ///     sides: which sides actions play: "allies" or "both". With both, joint actions have `n_agents +
 ///         n_enemies` numbers, and batches have the fields `enemy_*`. See `docs/reference/both-sides.md`.
@@ -122,10 +122,10 @@ pub fn make(
     sides: &str,
     mirror: bool,
     zero_sum: bool,
-    teams: Option<Bound<'_, PyDict>>,
-    start_positions: Option<Bound<'_, PyDict>>,
-    rewards: Option<Bound<'_, PyDict>>,
-    smacv2: Option<Bound<'_, PyDict>>,
+    teams: Option<Bound<'_, PyAny>>,
+    start_positions: Option<Bound<'_, PyAny>>,
+    rewards: Option<Bound<'_, PyAny>>,
+    smacv2: Option<Bound<'_, PyAny>>,
     fields: Option<Bound<'_, PyAny>>,
     obs_last_actions: IntArg,
     obs_agent_id: bool,

@@ -4,9 +4,9 @@ use crate::convert::to_dict;
 use crate::envs::arg::ScenarioArg;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use serde_json::{Value, json};
+use serde_json::{Map, Value, json};
 use smaclite_engine::{
-    Arena, FeatureBlock, Rules, SIGHT_RANGE, action_names, feature_bounds, obs_features, state_features,
+    Arena, FeatureBlock, Rules, SIGHT_RANGE, TARGETING_RANGE, action_names, feature_bounds, obs_features, state_features,
 };
 use smaclite_scenarios::{Faction, Scenario, Terrain};
 use smaclite_units::{Plane, Targeter, UnitType};
@@ -22,16 +22,17 @@ use smaclite_units::{Plane, Targeter, UnitType};
 ///         first), `attack_point` ([x, y]), `num_unit_types` (length of the type one-hot, 0 for none),
 ///         `ally_has_shields` and `enemy_has_shields` (whether observations and state contain them),
 ///         `episode_limit` (steps or None), `teams_are_drawn` (whether each episode draws the types of the
-///         units; then `allies` and `enemies` are one sample), `unit_types` (a list of dicts with
-///         `unit_type`, `type_id`, `healer` and `sight_range`, by which agents of the type see distances
-///         divided), `actions` (the names of an agent's actions), `allies`, `enemies`, `obs_layout` and
-///         `state_layout`. `allies` and `enemies` are lists of dicts, by id, each with `unit_type`, `type_id`
-///         (index in the one-hot), `position` ([x, y] at the start), `radius` (squares), `hp`, `shield`,
-///         `energy` (maxima), `cooldown` and `max_cooldown` (s; the state has cooldowns divided by the
-///         second), `healer`, `plane`, `targets` (planes that it can attack or heal) and `targeter`.
-///         `obs_layout` and `state_layout` are lists of dicts, the parts of an observation and of the state
-///         in order, each with `name`, `start` (index of its first feature), `shape` ([features], or [units,
-///         features]), `features` (their names), and `low` and `high` (their least and greatest values).
+///         units; then `allies` and `enemies` are one sample), `unit_types`, `actions` (the names of an
+///         agent's actions), `allies`, `enemies`, `obs_layout` and `state_layout`. `unit_types` is a list of
+///         dicts, each with `unit_type`, `type_id` (index in the one-hot), `sight_range` (squares, by which
+///         agents of the type see distances divided), `targeting_range` (squares, within which they can
+///         choose targets), `radius` (squares), `hp`, `shield`, `energy` (maxima),
+///         `cooldown` and `max_cooldown` (s; the state has cooldowns divided by the second), `healer`,
+///         `plane`, `targets` (planes that it can attack or heal) and `targeter`. `allies` and `enemies` are
+///         lists of dicts, by id, with the same keys and `position` ([x, y] at the start). `obs_layout` and
+///         `state_layout` are lists of dicts, the parts of an observation and of the state in order, each
+///         with `name`, `start` (index of its first feature), `shape` ([features], or [units, features]),
+///         `features` (their names), and `low` and `high` (their least and greatest values).
 ///
 /// Raises:
 ///     ScenarioError: the scenario is unknown, or its file or a unit file is invalid.
@@ -71,44 +72,50 @@ fn walkable(terrain: &Terrain) -> Vec<Vec<bool>> {
 }
 
 fn unit_types(scenario: &Scenario) -> Vec<Value> {
-    let ranges_differ = scenario.smacv2.as_ref().is_some_and(|options| options.use_unit_ranges);
-    let types = scenario.unit_types.iter().zip(&scenario.type_ids);
-    types
-        .map(|(stats, type_id)| {
-            json!({
-                "unit_type": stats.name,
-                "type_id": type_id,
-                "healer": stats.is_healer(),
-                "sight_range": if ranges_differ { stats.sight_range } else { SIGHT_RANGE },
-            })
-        })
-        .collect()
+    (0..scenario.unit_types.len()).map(|index| Value::Object(figures(scenario, index))).collect()
 }
 
 fn units(scenario: &Scenario, arena: &Arena, faction: Faction) -> Vec<Value> {
     let side = scenario.units.iter().enumerate().filter(|(_, unit)| unit.faction == faction);
     side.map(|(id, unit)| {
-        let stats = &scenario.unit_types[unit.unit_type];
-        // SMACv2's interface leaves the random delay out.
-        let is_whole = scenario.smacv2.is_none();
-        let max_cooldown = if is_whole { stats.greatest_cooldown() } else { stats.cooldown };
-        json!({
-            "unit_type": stats.name,
-            "type_id": scenario.type_ids[unit.unit_type],
-            "position": if arena.rules() == Rules::Starcraft { arena.start(id) } else { unit.position },
-            "radius": stats.radius(),
-            "hp": stats.hp,
-            "shield": stats.shield,
-            "energy": stats.energy,
-            "cooldown": stats.cooldown,
-            "max_cooldown": max_cooldown,
-            "healer": stats.is_healer(),
-            "plane": stats.plane.to_string(),
-            "targets": targets(stats),
-            "targeter": targeter(&stats.targeter),
-        })
+        let is_starcraft = arena.rules() == Rules::Starcraft;
+        let position = if is_starcraft { arena.start(id) } else { unit.position };
+        let mut figures = figures(scenario, unit.unit_type);
+        figures.insert("position".to_owned(), json!(position));
+        Value::Object(figures)
     })
     .collect()
+}
+
+/// What is true of all units of a type.
+fn figures(scenario: &Scenario, unit_type: usize) -> Map<String, Value> {
+    let stats = &scenario.unit_types[unit_type];
+    let [sight_range, targeting_range] = match &scenario.smacv2 {
+        Some(options) if options.use_unit_ranges => {
+            [stats.sight_range, stats.targeting_range.max(options.min_attack_range)]
+        }
+        _ => [SIGHT_RANGE, TARGETING_RANGE],
+    };
+    // SMACv2's interface leaves the random delay out.
+    let is_whole = scenario.smacv2.is_none();
+    let max_cooldown = if is_whole { stats.greatest_cooldown() } else { stats.cooldown };
+    let figures = [
+        ("unit_type", json!(stats.name)),
+        ("type_id", json!(scenario.type_ids[unit_type])),
+        ("sight_range", json!(sight_range)),
+        ("targeting_range", json!(targeting_range)),
+        ("radius", json!(stats.radius())),
+        ("hp", json!(stats.hp)),
+        ("shield", json!(stats.shield)),
+        ("energy", json!(stats.energy)),
+        ("cooldown", json!(stats.cooldown)),
+        ("max_cooldown", json!(max_cooldown)),
+        ("healer", json!(stats.is_healer())),
+        ("plane", json!(stats.plane.to_string())),
+        ("targets", json!(targets(stats))),
+        ("targeter", json!(targeter(&stats.targeter))),
+    ];
+    figures.map(|(key, value)| (key.to_owned(), value)).into_iter().collect()
 }
 
 /// The planes whose units this type can act on.

@@ -67,7 +67,8 @@ impl Spectator {
         Ok(Spectator(Mutex::new(Some(Watching { spectator, latest: None }))))
     }
 
-    /// The newest batch, or None before the lane's first. It never waits.
+    /// The newest batch that the lane sent since this spectator attached, or None before the first. It never
+    /// waits.
     ///
     /// Without a newer one it is the batch of the last call again, the same object.
     ///

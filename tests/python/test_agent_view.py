@@ -171,6 +171,15 @@ def test_a_view_in_words() -> None:
                 sp.extras.AgentViews(envs)(batch, env=env, agent=agent)
 
 
+def test_health_that_is_not_observed_is_not_told() -> None:
+    hidden = {"obs_all_health": False, "obs_own_health": False}
+    with sp.make("3m", 1, smacv2=hidden) as envs:
+        view = sp.extras.AgentViews(envs)(envs.reset(seed=1), env=0, agent=0)
+        assert view.health is None and {unit.health for unit in view.allies} == {None}
+        assert str(view).startswith("Step 0 of 60. You are agent 0, a MARINE.\n")
+        assert "health" not in str(view)
+
+
 def test_directions_are_those_of_a_compass() -> None:
     def direction(dx: float, dy: float) -> str:
         return sp.extras.SeenUnit("enemy 0", "ZEALOT", math.hypot(dx, dy), dx, dy, 1.0, None, None).direction

@@ -285,6 +285,14 @@ def test_integers_are_named_when_they_are_none() -> None:
                 use(value)
 
 
+@pytest.mark.parametrize("key", ["teams", "start_positions", "rewards", "smacv2"])
+def test_keys_of_scenario_files_are_named_when_they_are_no_dict(key: str) -> None:
+    wrong: list[Any] = [[], "all_teams", 1]
+    for value in wrong:
+        with pytest.raises(TypeError, match=f"^{key} must be a dict as in a scenario file, got "):
+            sp.make("3m", **{key: value})
+
+
 def test_a_boolean_env_id_says_how_to_get_ids(envs: sp.Envs) -> None:
     with pytest.raises(TypeError, match=r"env_id must be an integer array, got bool \(numpy.flatnonzero"):
         envs.reset(env_id=np.ones(N, bool))

@@ -157,6 +157,20 @@ def test_spaces_are_those_of_the_published_environment() -> None:
     env.close()
 
 
+def test_observations_of_drawn_teams_are_in_their_space() -> None:
+    path = Path(__file__).parents[2] / "scenarios/data/zerg_5_vs_5.json"
+    env: Any = gymnasium.make("smaclite/custom-v0", map_file=path, seed=1).unwrapped
+    env.action_space.seed(0)
+    for _ in range(5):
+        assert env.reset()[0] in env.observation_space
+        ended = False
+        while not ended:
+            obs, _, terminated, truncated, _ = env.step(env.action_space.sample())
+            assert obs in env.observation_space
+            ended = terminated or truncated
+    env.close()
+
+
 def test_living_units_are_listed() -> None:
     env: Any = gymnasium.make("smaclite/2s3z-v0", seed=1).unwrapped
     assert env.agents == {} and env.enemies == {}

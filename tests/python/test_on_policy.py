@@ -75,6 +75,15 @@ def test_wrong_actions_step_nothing() -> None:
     wrong[1, 2] = 1.5
     with pytest.raises(sp.errors.InvalidRequest, match="integers"):
         envs.step(wrong)
+    # Once reshaped, so that agents got the actions of others.
+    for shape in [(3, 2), (3, 2, 1), (6,), (2, 3, 1, 1), (2, 2), (1, 3)]:
+        with pytest.raises(sp.errors.InvalidRequest, match=r"of shape \(2, 3, 1\) or \(2, 3\), got"):
+            envs.step(np.ones(shape, np.int64))
+    for number in (2**32 + 1, np.inf, np.nan):  # 1 in 32 bits
+        with pytest.raises(sp.errors.InvalidRequest, match=r"int32|fractions"):
+            envs.step(np.full((2, 3), number))
+    with pytest.raises(TypeError, match="actions must be an integer array"):
+        envs.step(np.full((2, 3), "stop"))
     np.testing.assert_array_equal(envs.reset().obs, before)
     envs.close()
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import inspect
+import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import smaclite_pool as sp
+from smaclite_pool.marl.on_policy import ShareVecEnv
 from smaclite_pool.marl.smac import Direction, MultiAgentEnv, Unavailable, get_map_params
 
 from conftest import replayed
@@ -207,6 +209,64 @@ def test_visibility_and_positions_of_units(scenario: str) -> None:
             assert seen[agent, index] == (near and own.health > 0 and other.health > 0 and index != agent)
     assert seen.any()
     env.close()
+
+
+@pytest.mark.parametrize("scenario", ["terran_5_vs_5", "zerg_5_vs_5"])
+def test_units_that_are_drawn_are_those_of_the_episode(scenario: str) -> None:
+    types = sp.scenario(scenario)["unit_types"]
+    teams, healed = set(), 0.0
+    for seed in range(6):
+        with sp.make(scenario, 1, seed=seed, fields=["level"]) as envs:
+            drawn = [types[int(index)] for index in envs.reset().level[0, :, 0]]
+        env = MultiAgentEnv(scenario, seed=seed, heuristic_ai=True, heuristic_rest=True)
+        env.reset()
+        units = [*env.agents.values(), *env.enemies.values()]
+        assert [unit.name for unit in units] == [stats["unit_type"] for stats in drawn]
+        assert [unit.health for unit in units] == [stats["hp"] for stats in drawn]
+        assert env.get_unit_types() == [stats["type_id"] for stats in drawn]
+        of_enemies = sum(stats["hp"] + stats["shield"] for stats in drawn[env.n_agents :])
+        assert env.max_reward == 10 * env.n_enemies + 200 + of_enemies
+        for agent, stats in enumerate(drawn[: env.n_agents]):
+            assert env.unit_sight_range(agent) == stats["sight_range"]
+            assert env.unit_shoot_range(agent) == stats["targeting_range"]
+        ended = False
+        while not ended:
+            before = {agent: unit.health for agent, unit in env.agents.items()}
+            _, ended, _ = env.step([0] * env.n_agents)
+            healed += sum(max(unit.health - before[agent], 0.0) for agent, unit in env.agents.items())
+        # Also of the dead, whose types the state does not show.
+        assert [unit.name for unit in env.agents.values()] == [
+            stats["unit_type"] for stats in drawn[: env.n_agents]
+        ]
+        teams.add(env.map_type)
+        assert getattr(env, f"{types[0]['unit_type'].lower()}_id") == types[0]["type_id"]
+        env.close()
+    assert len(teams) > 1
+    if scenario == "terran_5_vs_5":  # zerg units regenerate
+        assert healed > 0  # a medivac that the heuristic takes for another unit never heals
+
+
+def test_the_opponent_is_the_scenarios_own() -> None:
+    scenario = "zerg_5_vs_5"
+    with sp.make(scenario, 1) as envs:
+        expected = envs.spec.opponents
+    assert expected != {"attack_move": 1.0}
+    env = MultiAgentEnv(scenario)
+    assert env._battle.envs.spec.opponents == expected
+    env.close()
+    vector = ShareVecEnv(scenario, 1)
+    assert vector._envs.spec.opponents == expected
+    vector.close()
+
+
+def test_parts_of_observations_that_smac_does_not_have_are_refused(tmp_path: Path) -> None:
+    files = Path(__file__).parents[2] / "scenarios" / "data"
+    scenario = json.loads((files / "zerg_5_vs_5.json").read_text())
+    scenario["smacv2"]["obs_timestep_number"] = True
+    path = tmp_path / "timed.json"
+    path.write_text(json.dumps(scenario))
+    with pytest.raises(sp.errors.InvalidRequest, match="smacv2.*`obs` the parts.*time.*but this class reads"):
+        MultiAgentEnv(path)
 
 
 def test_rewards_by_every_option() -> None:

@@ -444,6 +444,37 @@ def test_the_command_line_and_its_errors(tmp_path: Path) -> None:
     assert again.stderr.startswith("ppo: ") and "choose another --out" in again.stderr
 
 
+@pytest.mark.parametrize(
+    ("learner", "option", "accepted"),
+    [
+        (ppo, "--epochs 0", "between 1 and 1,000, got 0"),
+        (ppo, "--minibatches 100000", "between 1 and 1,000"),
+        (ppo, "--torch-threads 0", "between 1 and 1,024"),
+        (ppo, "--hidden a", "numbers with commas between, as 64,64, got 'a'"),
+        (ppo, "--gamma nan", "between 0 and 1, got nan"),
+        (ppo, "--evaluate-every -1", "between 0 and"),
+        (value_decomposition, "--batch 0", "between 1 and 1,000,000"),
+        (value_decomposition, "--lr 0", "between 1e-12 and 1, got 0.0"),
+    ],
+)
+def test_options_out_of_range_are_refused_before_anything_is_made(
+    learner: Any,
+    option: str,
+    accepted: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """They were errors of PyTorch or Python, some after the training, or none."""
+    argv = ["learner", "3m", "--steps", "300", "--out", str(tmp_path), *option.split()]
+    monkeypatch.setattr("sys.argv", argv)
+    with pytest.raises(SystemExit) as ended:
+        learner.main()
+    assert ended.value.code == 2
+    assert f"{option.split()[0]} must be {accepted}" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
 def test_several_seeds_are_trained_in_one_call(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The folders are those that `report` takes for one algorithm."""
     small = "--steps 200 --num-envs 8 --horizon 16 --hidden 8,8 --threads 1 --evaluate-episodes 0"

@@ -42,8 +42,8 @@ class SeenUnit:
     """How far east it is, in squares."""
     dy: float
     """How far north it is, in squares."""
-    health: float
-    """Share of its maximum, 0 to 1."""
+    health: float | None
+    """Share of its maximum, 0 to 1; None if observations do not have it."""
     shield: float | None
     """Share of its maximum, 0 to 1; None if observations do not have it."""
     action: str | None
@@ -55,9 +55,8 @@ class SeenUnit:
         return _COMPASS[round(math.atan2(self.dy, self.dx) / (math.pi / 4)) % 8]
 
     def __str__(self) -> str:
-        shield = "" if self.shield is None else f", shield {_percent(self.shield)}"
         where = f"{self.distance:.1f} squares {self.direction} (dx {self.dx:+.1f}, dy {self.dy:+.1f})"
-        return f"{self.name} ({self.unit_type}): {where}, health {_percent(self.health)}{shield}"
+        return f"{self.name} ({self.unit_type}): {', '.join([where, *_body(self)])}"
 
 
 class AgentView:
@@ -102,9 +101,9 @@ class AgentView:
         return self._type["unit_type"] if self._type else "unit"
 
     @property
-    def health(self) -> float:
-        """Share of its maximum, 0 to 1; 0 of the dead."""
-        return self._own.get("health", 0.0)
+    def health(self) -> float | None:
+        """Share of its maximum, 0 to 1; 0 of the dead. None if observations do not have it."""
+        return self._own.get("health")
 
     @property
     def shield(self) -> float | None:
@@ -148,7 +147,7 @@ class AgentView:
                     distance=unit["distance"] * sight,
                     dx=unit["dx"] * sight,
                     dy=unit["dy"] * sight,
-                    health=unit.get("health", 0.0),
+                    health=unit.get("health"),
                     shield=unit.get("shield"),
                     action=action,
                 )
@@ -157,12 +156,12 @@ class AgentView:
 
     def __str__(self) -> str:
         limit = "" if self.episode_limit is None else f" of {self.episode_limit}"
-        shield = "" if self.shield is None else f", shield {_percent(self.shield)}"
-        if self.health == 0 and list(self.actions) == ["no-op"]:
+        if not self.health and list(self.actions) == ["no-op"]:
             return f"Step {self.step}{limit}. You are agent {self.agent}, and your unit is dead."
+        body = _body(self)
         lines = [
-            f"Step {self.step}{limit}. You are agent {self.agent}, a {self.unit_type} with health "
-            f"{_percent(self.health)}{shield}.",
+            f"Step {self.step}{limit}. You are agent {self.agent}, a {self.unit_type}"
+            f"{' with ' if body else ''}{', '.join(body)}.",
             *_listed("Enemies in sight", self.enemies),
             *_listed("Allies in sight", self.allies),
             f"Available actions: {', '.join(self.actions)}.",
@@ -332,8 +331,10 @@ def evaluate_function(
         return evaluate(envs, PerAgent(envs, function), episodes, seed)
 
 
-def _percent(share: float) -> str:
-    return f"{100 * share:.0f} %"
+def _body(unit: SeenUnit | AgentView) -> list[str]:
+    """What observations tell of health and shield."""
+    shares = {"health": unit.health, "shield": unit.shield}
+    return [f"{name} {100 * share:.0f} %" for name, share in shares.items() if share is not None]
 
 
 def _listed(title: str, units: list[SeenUnit]) -> list[str]:

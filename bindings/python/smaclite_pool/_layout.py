@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from os import PathLike
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ._native import Envs, scenario
+from .errors import InvalidRequest
 from .types import LayoutPart
 
 Floats = NDArray[np.float32]
@@ -80,14 +81,24 @@ class ScenarioLayout:
         self.enemies = self.info["enemies"]
         self.n_agents = len(self.allies)
         self.n_enemies = len(self.enemies)
-        self.obs = ObservationBlocks(**feature_blocks(self.info["obs_layout"]))
-        self.state = StateBlocks(**feature_blocks(self.info["state_layout"]))
+        self.obs = ObservationBlocks(**self._blocks("obs", ObservationBlocks._fields))
+        self.state = StateBlocks(**self._blocks("state", StateBlocks._fields))
         self.type_bits: int = self.info["num_unit_types"]
         self.shield_bits_ally = int(self.info["ally_has_shields"])
         self.shield_bits_enemy = int(self.info["enemy_has_shields"])
         self.map_size = np.array([self.info["width"], self.info["height"]], np.float32)
         self.walkable: Bools = np.array(self.info["walkable"], np.bool_)
         """[height, width]: `walkable[y, x]`, the southern row first."""
+
+    def _blocks(self, field: Literal["obs", "state"], expected: tuple[str, ...]) -> dict[str, FeatureBlock]:
+        blocks = feature_blocks(self.info["obs_layout" if field == "obs" else "state_layout"])
+        if tuple(blocks) != expected:
+            raise InvalidRequest(
+                f"{self.info['name']}: options of `smacv2` in the scenario give `{field}` the parts "
+                f"{', '.join(blocks)}, but this class reads {', '.join(expected)}; "
+                "smaclite_pool.make and its Gymnasium environments accept all options"
+            )
+        return blocks
 
     def squares(self, rel_x: Floats, rel_y: Floats) -> Floats:
         """Positions [..., 2] in squares, of `rel_x` and `rel_y` [...] as in the state.

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ._layout import Floats, ScenarioLayout
+from .types import UnitType
 
 
 class Position(NamedTuple):
@@ -52,10 +53,16 @@ class UnitsView:
 
     def __init__(self, layout: ScenarioLayout) -> None:
         self._layout = layout
-        self._stats = layout.allies + layout.enemies
-        self.health_max = np.array([unit["hp"] for unit in self._stats], np.float32)
-        self.shield_max = np.array([unit["shield"] for unit in self._stats], np.float32)
-        n_units = len(self._stats)
+        n_units = layout.n_agents + layout.n_enemies
+        self.stats: list[UnitType] = [*layout.allies, *layout.enemies]
+        """Those of each unit. Where types are drawn, of a sample before the first state of an episode."""
+        self.health_max: Floats
+        self.shield_max: Floats
+        self._measure()
+        self._drawn: list[UnitType] = []
+        """The types that can be drawn, by `type_id`."""
+        if layout.info["teams_are_drawn"]:
+            self._drawn = sorted(layout.info["unit_types"], key=lambda unit_type: unit_type["type_id"])
         self.positions: Floats = np.zeros((n_units, 2), np.float32)
         """float32 [A + E, 2]; the dead keep their last known position."""
         self.health: Floats = np.zeros(n_units, np.float32)
@@ -64,6 +71,10 @@ class UnitsView:
         """float32 [A + E]; 0 for the dead and for sides whose shields the scenario hides."""
         self._energy_or_cooldown: Floats = np.zeros(layout.n_agents, np.float32)
 
+    def _measure(self) -> None:
+        self.health_max = np.array([unit["hp"] for unit in self.stats], np.float32)
+        self.shield_max = np.array([unit["shield"] for unit in self.stats], np.float32)
+
     def update(self, state: Floats) -> None:
         """Decode a state, float32 [state_size]."""
         allies, enemies = self._layout.state.allies, self._layout.state.enemies
@@ -71,6 +82,12 @@ class UnitsView:
         def of_all(feature: str) -> Floats:
             return np.concatenate((allies.column(state, feature), enemies.column(state, feature)))
 
+        if len(self._drawn) > 1:
+            shown = np.stack([of_all(f"type_{index}") for index in range(len(self._drawn))], axis=-1)
+            # The rows of the dead are zeros: they keep their types.
+            for unit in np.flatnonzero(shown.any(axis=-1)).tolist():
+                self.stats[unit] = self._drawn[int(shown[unit].argmax())]
+            self._measure()
         self.health = of_all("health") * self.health_max
         self.shield = of_all("shield") * self.shield_max
         alive = self.health > 0
@@ -79,7 +96,7 @@ class UnitsView:
 
     def unit(self, index: int) -> Unit:
         """The unit with that index: allies first, then enemies."""
-        stats = self._stats[index]
+        stats = self.stats[index]
         is_ally = index < self._layout.n_agents
         energy_or_cooldown = float(self._energy_or_cooldown[index]) if is_ally else 0.0
         return Unit(

@@ -33,15 +33,17 @@ __all__ = [
 ]
 
 
-class UnitStats(TypedDict):
-    """One unit of a scenario."""
+class UnitType(TypedDict):
+    """A type of the units of a scenario."""
 
     unit_type: str
-    """Name of its type."""
+    """Its name."""
     type_id: int
     """Index in the one-hot of the unit type."""
-    position: list[float]
-    """[x, y] at the start, in squares."""
+    sight_range: float
+    """By which agents of this type see distances divided, in squares."""
+    targeting_range: float
+    """Within which agents of this type can choose targets, in squares."""
     radius: float
     """In squares."""
     hp: float
@@ -63,17 +65,11 @@ class UnitStats(TypedDict):
     targeter: Literal["STANDARD", "KAMIKAZE", "LASER_BEAM", "HEAL"]
 
 
-class UnitType(TypedDict):
-    """A type of the units of a scenario."""
+class UnitStats(UnitType):
+    """One unit of a scenario."""
 
-    unit_type: str
-    """Its name."""
-    type_id: int
-    """Index in the one-hot of the unit type."""
-    healer: bool
-    """Whether it heals and does not attack."""
-    sight_range: float
-    """By which agents of this type see distances divided, in squares."""
+    position: list[float]
+    """[x, y] at the start, in squares."""
 
 
 class LayoutPart(TypedDict):

@@ -17,8 +17,12 @@ pub const MAX_THREADS: usize = 1024;
 const MAX_LANES: usize = 64;
 
 /// A dictionary as the value of a key of scenario files.
-pub(super) fn json_of(key: &str, value: &Bound<'_, PyDict>) -> PyResult<Value> {
+pub(super) fn json_of(key: &str, value: &Bound<'_, PyAny>) -> PyResult<Value> {
     let py = value.py();
+    if !value.is_instance_of::<PyDict>() {
+        let got = type_name(value);
+        return Err(PyTypeError::new_err(format!("{key} must be a dict as in a scenario file, got {got}")));
+    }
     let refused = |e: String| invalid_request(format!("{key} must be a dictionary as in JSON: {e}"));
     let only_numbers = [("allow_nan", false)].into_py_dict(py)?;
     let text = py.import("json")?.call_method("dumps", (value,), Some(&only_numbers));

@@ -16,8 +16,7 @@ Axes of arrays: T steps of all episodes, A agents, R rows, one per agent and ste
 
 from __future__ import annotations
 
-import argparse
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -27,7 +26,8 @@ import smaclite_pool as sp
 import torch
 from numpy.typing import NDArray
 from safetensors.torch import save_file
-from smaclite_pool.examples.ppo import Mlp, log_probabilities, option, sampled
+from smaclite_pool.examples.options import COUNT, SMALL, option, parsed, parser_of
+from smaclite_pool.examples.ppo import Mlp, log_probabilities, sampled
 from torch import Tensor
 from torch.nn import functional as F
 
@@ -39,16 +39,20 @@ class Options:
     dataset: str = ""
     map_file: str = option("", "the scenario file, if the dataset is not of a standard scenario")
     out: str = option("", "file for the weights, such as clone.safetensors; empty: none is written")
-    seed: int = option(0, "of weights, batches, and the actions of the evaluation")
+    seed: int = option(0, "of weights, batches, and the actions of the evaluation", within=(0, 2**63 - 1))
     device: str = option("cpu", "where the network is: cpu or cuda")
-    torch_threads: int = option(1, "threads of PyTorch, which for matrices so small are best few")
-    last_actions: int = option(4, "how many of its own last actions an agent observes")
-    epochs: int = option(5, "passes over the data")
-    batch_size: int = option(512, "rows of a gradient step")
-    held_out: float = option(0.1, "share of the episodes that is not learnt from, but measured on")
-    hidden: str = option("64,64", "widths of the hidden layers")
-    lr: float = option(1e-3, "step size at the beginning, falling linearly to 0")
-    evaluate_episodes: int = option(200, "episodes of the evaluation")
+    torch_threads: int = option(
+        1, "threads of PyTorch, which for matrices so small are best few", within=(1, 1024)
+    )
+    last_actions: int = option(4, "how many of its own last actions an agent observes", within=(0, 16))
+    epochs: int = option(5, "passes over the data", within=COUNT)
+    batch_size: int = option(512, "rows of a gradient step", within=COUNT)
+    held_out: float = option(
+        0.1, "share of the episodes that is not learnt from, but measured on", within=(0.0, 0.99)
+    )
+    hidden: str = option("64,64", "widths of the hidden layers", numbers=True)
+    lr: float = option(1e-3, "step size at the beginning, falling linearly to 0", within=SMALL)
+    evaluate_episodes: int = option(200, "episodes of the evaluation", within=COUNT)
     greedy: bool = option(False, "evaluate the most probable actions, not sampled ones")
 
 
@@ -192,21 +196,9 @@ def evaluate(policy: Mlp, dataset: sp.Dataset, options: Options) -> sp.Evaluatio
         return sp.evaluate(envs, play, options.evaluate_episodes, seed=2**32 + options.seed)
 
 
-def parse_options() -> Options:
-    keep_lines = argparse.RawDescriptionHelpFormatter
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=keep_lines)
-    parser.add_argument("dataset", help="a file of `smaclite-pool dataset record`")
-    for o in fields(Options)[1:]:
-        flag, kind = "--" + o.name.replace("_", "-"), type(o.default)
-        if kind is bool:
-            parser.add_argument(flag, action="store_true", help=o.metadata["help"])
-        else:
-            parser.add_argument(flag, type=kind, default=o.default, **o.metadata)
-    return Options(**vars(parser.parse_args()))
-
-
 def main() -> None:
-    options = parse_options()
+    parser = parser_of(Options, __doc__, "a file of `smaclite-pool dataset record`")
+    options = Options(**parsed(parser, Options))
     try:
         policy, dataset = clone(options)
         if options.out:

@@ -19,13 +19,12 @@ Axes of arrays: T steps of a rollout, N environments, A agents, V values per env
 
 from __future__ import annotations
 
-import argparse
 import csv
 import json
 import time
 from collections import defaultdict, deque
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -38,6 +37,7 @@ from numpy.typing import NDArray
 from safetensors.torch import save_file
 from smaclite_pool.examples import units_network
 from smaclite_pool.examples.evaluations import Clock, Evaluations
+from smaclite_pool.examples.options import SHARE, SMALL, STEPS, option, parsed, parser_of
 from torch import Tensor, nn
 from torch.nn import functional as F
 
@@ -63,10 +63,6 @@ battle of many units whose reward the team shares; in a small team, it says what
 it. How strong drawn teams are, the state says, so there the critic always sees it."""
 
 
-def option(default: Any, text: str, choices: list[str] | None = None) -> Any:
-    return field(default=default, metadata={"help": f"{text} (default: %(default)s)", "choices": choices})
-
-
 @dataclass(frozen=True)
 class Options:
     """Each of these, except the scenario, is an option of the command line, as `--num-envs 64`."""
@@ -78,21 +74,21 @@ class Options:
         "and for drawn teams",
         ["mappo", "ippo", "by team"],
     )
-    steps: int = option(2_000_000, "environment steps of the run")
-    seed: int = option(0, "of weights, environments, actions and minibatches")
+    steps: int = option(2_000_000, "environment steps of the run", within=STEPS)
+    seed: int = option(0, "of weights, environments, actions and minibatches", within=(0, 2**63 - 1))
     out: str = option("runs", "folder in which the folder of the run is created")
     device: str = option("cpu", "where the networks are: cpu or cuda")
     # Matrices are small here. With more threads, each product ends with threads that wait for the slowest one
     # in a busy loop, and on a machine with other work that multiplies the time.
-    torch_threads: int = option(1, "threads of PyTorch")
-    threads: int = option(0, "threads of the pool; 0: as many as there are cores")
+    torch_threads: int = option(1, "threads of PyTorch", within=(1, 1024))
+    threads: int = option(0, "threads of the pool; 0: as many as there are cores", within=(0, 1024))
     last_actions: int = option(
-        -1, "how many of its own last actions an agent observes; -1: 4, or 0 for drawn teams"
+        -1, "how many of its own last actions an agent observes; -1: 4, or 0 for drawn teams", within=(0, 16)
     )
-    num_envs: int = option(64, "number of environments")
-    horizon: int = option(64, "steps of each environment per update")
-    epochs: int = option(4, "passes over the data of an update")
-    minibatches: int = option(8, "gradient steps per epoch")
+    num_envs: int = option(64, "number of environments", within=(1, 65_536))
+    horizon: int = option(64, "steps of each environment per update", within=(1, 65_536))
+    epochs: int = option(4, "passes over the data of an update", within=(1, 1000))
+    minibatches: int = option(8, "gradient steps per epoch", within=(1, 1000))
     network: str = option(
         "by scenario",
         "flat, or over units: the same for all enemies and all allies; by scenario: units, or flat where "
@@ -103,23 +99,40 @@ class Options:
         "by network",
         "widths of the hidden layers, over units those of embeddings and trunk; by network: 64,64 for flat, "
         "32,64 for units",
+        numbers=True,
     )
     activation: str = option("relu", "non-linearity of the hidden layers", [*ACTIVATIONS])
-    actor_lr: float = option(-1.0, "step size of the actor; -1: by network, 7e-4 for flat, 1.4e-3 for units")
-    critic_lr: float = option(1e-3, "step size of the critic")
-    lr_end: float = option(0.05, "share of the step sizes that is left at the end, falling linearly")
-    adam_eps: float = option(1e-5, "added to the denominator of Adam")
-    gamma: float = option(0.99, "discount per step")
-    lambda_: float = option(0.95, "decay of the generalised advantage estimate")
-    advantage_floor: float = option(0.3, "divide advantages at least by this share of the returns' deviation")
-    clip: float = option(0.2, "how far the probability ratio may leave 1")
-    value_clip: float = option(0.2, "how far a value may leave its old one, in deviations of the returns")
-    huber: float = option(10.0, "where the value loss becomes linear, in deviations of the returns")
-    entropy: float = option(-1.0, "weight of the entropy at the beginning; -1: 0.15 / number of agents")
-    entropy_end: float = option(0.0, "weight of the entropy at the end")
-    max_grad_norm: float = option(1.0, "longest gradient of each network")
-    evaluate_every: int = option(0, "evaluate every so many steps, and keep the best weights; 0: never")
-    evaluate_episodes: int = option(200, "episodes of the evaluation at the end; 0: none")
+    actor_lr: float = option(
+        -1.0, "step size of the actor; -1: by network, 7e-4 for flat, 1.4e-3 for units", within=SMALL
+    )
+    critic_lr: float = option(1e-3, "step size of the critic", within=SMALL)
+    lr_end: float = option(
+        0.05, "share of the step sizes that is left at the end, falling linearly", within=SHARE
+    )
+    adam_eps: float = option(1e-5, "added to the denominator of Adam", within=SMALL)
+    gamma: float = option(0.99, "discount per step", within=SHARE)
+    lambda_: float = option(0.95, "decay of the generalised advantage estimate", within=SHARE)
+    advantage_floor: float = option(
+        0.3, "divide advantages at least by this share of the returns' deviation", within=(0, 10)
+    )
+    clip: float = option(0.2, "how far the probability ratio may leave 1", within=(1e-12, 1e6))
+    value_clip: float = option(
+        0.2, "how far a value may leave its old one, in deviations of the returns", within=(1e-12, 1e6)
+    )
+    huber: float = option(
+        10.0, "where the value loss becomes linear, in deviations of the returns", within=(1e-12, 1e6)
+    )
+    entropy: float = option(
+        -1.0, "weight of the entropy at the beginning; -1: 0.15 / number of agents", within=(0, 10)
+    )
+    entropy_end: float = option(0.0, "weight of the entropy at the end", within=(0, 10))
+    max_grad_norm: float = option(1.0, "longest gradient of each network", within=(1e-12, 1e6))
+    evaluate_every: int = option(
+        0, "evaluate every so many steps, and keep the best weights; 0: never", within=(0, 2**48)
+    )
+    evaluate_episodes: int = option(
+        200, "episodes of the evaluation at the end; 0: none", within=(0, 1_000_000)
+    )
     greedy: bool = option(False, "evaluate the most probable actions, not sampled ones")
 
 
@@ -525,18 +538,10 @@ def evaluate(learner: Learner, options: Options) -> sp.Evaluation:
 
 def parse_options(description: str | None) -> tuple[Options, int]:
     """The options of the first run, and how many runs there are."""
-    keep_lines = argparse.RawDescriptionHelpFormatter
-    parser = argparse.ArgumentParser(description=description, formatter_class=keep_lines)
-    parser.add_argument("scenario", nargs="?", default="2s3z", help="a standard scenario or a file")
-    for o in fields(Options)[1:]:
-        flag, kind = "--" + o.name.strip("_").replace("_", "-"), type(o.default)
-        if kind is bool:
-            parser.add_argument(flag, action="store_true", help=o.metadata["help"])
-        else:
-            parser.add_argument(flag, dest=o.name, type=kind, default=o.default, **o.metadata)
+    parser = parser_of(Options, description, "a standard scenario or a file")
     several = "train that many runs, one after the other, with seeds from --seed on (default: 1)"
     parser.add_argument("--seeds", type=int, default=1, help=several)
-    given = vars(parser.parse_args())
+    given = parsed(parser, Options)
     seeds = given.pop("seeds")
     if seeds < 1:
         parser.error(f"--seeds must be at least 1, got {seeds}")

@@ -22,14 +22,13 @@ Axes of arrays: T steps of an episode, B episodes, N environments, A agents.
 
 from __future__ import annotations
 
-import argparse
 import copy
 import csv
 import json
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -41,12 +40,9 @@ from numpy.typing import NDArray
 from safetensors.torch import save_file
 from smaclite_pool.examples import units_network
 from smaclite_pool.examples.evaluations import Clock, Evaluations
+from smaclite_pool.examples.options import COUNT, SHARE, SMALL, STEPS, option, parsed, parser_of
 from torch import Tensor, nn
 from torch.nn import functional as F
-
-
-def option(default: Any, text: str, choices: list[str] | None = None) -> Any:
-    return field(default=default, metadata={"help": f"{text} (default: %(default)s)", "choices": choices})
 
 
 @dataclass(frozen=True)
@@ -55,35 +51,45 @@ class Options:
 
     scenario: str = "2s3z"
     algorithm: str = option("qmix", "iql, vdn or qmix", ["iql", "vdn", "qmix"])
-    steps: int = option(1_000_000, "environment steps of the run")
-    seed: int = option(0, "of weights, environments, actions and samples of episodes")
+    steps: int = option(1_000_000, "environment steps of the run", within=STEPS)
+    seed: int = option(0, "of weights, environments, actions and samples of episodes", within=(0, 2**63 - 1))
     out: str = option("runs", "folder in which the folder of the run is created")
     device: str = option("cpu", "where the networks are: cpu or cuda")
     # Matrices are small here. With more threads, each product ends with threads that wait for the slowest one
     # in a busy loop, and on a machine with other work that multiplies the time.
-    torch_threads: int = option(1, "threads of PyTorch")
-    threads: int = option(0, "threads of the pool; 0: as many as there are cores")
-    num_envs: int = option(64, "number of environments")
-    capacity: int = option(2000, "episodes that are kept")
-    batch: int = option(32, "episodes per gradient step")
+    torch_threads: int = option(1, "threads of PyTorch", within=(1, 1024))
+    threads: int = option(0, "threads of the pool; 0: as many as there are cores", within=(0, 1024))
+    num_envs: int = option(64, "number of environments", within=(1, 65_536))
+    capacity: int = option(2000, "episodes that are kept", within=COUNT)
+    batch: int = option(32, "episodes per gradient step", within=COUNT)
     # Gradient steps are most of the cost: a smaller number needs fewer environment steps, and more time.
-    episodes_per_update: int = option(16, "finished episodes per gradient step")
+    episodes_per_update: int = option(16, "finished episodes per gradient step", within=COUNT)
     network: str = option(
         "flat", "flat, or over units: the same for all enemies and all allies", ["flat", "units"]
     )
-    hidden: int = option(64, "width of the agents' network")
-    embedding: int = option(32, "width of the embeddings of units, with --network units")
-    mixer_width: int = option(32, "width of QMIX's function")
-    lr: float = option(1e-3, "step size")
-    gamma: float = option(0.99, "discount per step")
-    lambda_: float = option(0.6, "weight of the rewards that followed, against estimates of them")
-    epsilon_end: float = option(0.05, "probability of a random action at the end; 1 at the beginning")
-    epsilon_steps: int = option(0, "steps in which it falls linearly; 0: half of all")
-    log_interval: int = option(10, "gradient steps per row of the log")
-    target_interval: int = option(50, "gradient steps after which the target networks are replaced")
-    max_grad_norm: float = option(10.0, "longest gradient")
-    evaluate_every: int = option(0, "evaluate every so many steps, and keep the best weights; 0: never")
-    evaluate_episodes: int = option(200, "episodes of the evaluation, without random actions; 0: none")
+    hidden: int = option(64, "width of the agents' network", within=(2, 4096))
+    embedding: int = option(32, "width of the embeddings of units, with --network units", within=(2, 4096))
+    mixer_width: int = option(32, "width of QMIX's function", within=(1, 4096))
+    lr: float = option(1e-3, "step size", within=SMALL)
+    gamma: float = option(0.99, "discount per step", within=SHARE)
+    lambda_: float = option(
+        0.6, "weight of the rewards that followed, against estimates of them", within=SHARE
+    )
+    epsilon_end: float = option(
+        0.05, "probability of a random action at the end; 1 at the beginning", within=SHARE
+    )
+    epsilon_steps: int = option(0, "steps in which it falls linearly; 0: half of all", within=(0, 2**48))
+    log_interval: int = option(10, "gradient steps per row of the log", within=COUNT)
+    target_interval: int = option(
+        50, "gradient steps after which the target networks are replaced", within=COUNT
+    )
+    max_grad_norm: float = option(10.0, "longest gradient", within=(1e-12, 1e6))
+    evaluate_every: int = option(
+        0, "evaluate every so many steps, and keep the best weights; 0: never", within=(0, 2**48)
+    )
+    evaluate_episodes: int = option(
+        200, "episodes of the evaluation, without random actions; 0: none", within=(0, 1_000_000)
+    )
 
 
 class AgentNetwork(nn.Module):
@@ -412,18 +418,9 @@ def evaluate(learner: Learner, options: Options) -> sp.Evaluation:
         return sp.evaluate(envs, partial(player.act, epsilon=0.0), options.evaluate_episodes, seed=0)
 
 
-def parse_options() -> Options:
-    keep_lines = argparse.RawDescriptionHelpFormatter
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=keep_lines)
-    parser.add_argument("scenario", nargs="?", default="2s3z", help="a standard scenario or a file")
-    for o in fields(Options)[1:]:
-        flag, kind = "--" + o.name.strip("_").replace("_", "-"), type(o.default)
-        parser.add_argument(flag, dest=o.name, type=kind, default=o.default, **o.metadata)
-    return Options(**vars(parser.parse_args()))
-
-
 def main() -> None:
-    options = parse_options()
+    parser = parser_of(Options, __doc__, "a standard scenario or a file")
+    options = Options(**parsed(parser, Options))
     try:
         learner = train(options)
         if options.evaluate_episodes > 0:

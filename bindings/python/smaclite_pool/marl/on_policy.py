@@ -101,7 +101,7 @@ class ShareVecEnv:
         threads: int | None = None,
         episode_limit: int | Literal["default"] | None = "default",
         rules: Literal["smaclite", "paper", "starcraft", "starcraft-1"] = "smaclite",
-        opponent: str | Mapping[str, float] = "attack_move",
+        opponent: str | Mapping[str, float] | None = None,
         rewards: dict[str, Any] | None = None,
         max_held_batches: int = 4,
         record: str | PathLike[str] | None = None,
@@ -154,16 +154,24 @@ class ShareVecEnv:
         return Reset(batch.obs, self._shared(batch), batch.avail_actions)
 
     def step_async(self, actions: ArrayLike) -> None:
-        """Send integers of any dtype, [B, A, 1] or [B, A].
+        """Send whole numbers of any dtype, [B, A, 1] or [B, A].
 
-        Raises IllegalAction for an unavailable action, and InvalidRequest for a fraction; nothing is stepped
-        then.
+        Raises IllegalAction for an unavailable action, and InvalidRequest for another shape, for a fraction
+        and for a number that does not fit into int32; nothing is stepped then.
         """
         given = np.asarray(actions)
-        chosen = given.astype(np.int32).reshape(self.num_envs, self.n_agents)
-        if not np.issubdtype(given.dtype, np.integer) and np.any(chosen != given.reshape(chosen.shape)):
-            raise InvalidRequest(f"actions must be integers, got {given.dtype} with fractions")
-        self._envs.send(chosen)
+        shape = (self.num_envs, self.n_agents)
+        if given.shape == (*shape, 1):
+            given = given[..., 0]
+        elif given.shape != shape:
+            raise InvalidRequest(
+                f"actions must be an array of shape {(*shape, 1)} or {shape}, got {given.shape}"
+            )
+        if given.dtype.kind == "f":  # of networks; the pool refuses what is no number
+            if not np.all(np.isfinite(given) & (np.rint(given) == given)):
+                raise InvalidRequest(f"actions must be integers, got {given.dtype} with fractions")
+            given = given.astype(np.int64)
+        self._envs.send(given)
 
     def step_wait(self) -> Step:
         """Wait for the result of the step."""

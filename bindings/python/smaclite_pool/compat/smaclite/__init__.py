@@ -11,7 +11,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from ..._layout import ScenarioLayout
+from ..._layout import ScenarioLayout, field_bounds
 from ..._native import FIRST_TARGET, Envs, scenarios
 from ..._units import Unit, UnitsView
 from ...errors import InvalidRequest
@@ -88,7 +88,8 @@ class SMACliteEnv(BattleEnv):
         self._layout = ScenarioLayout(envs)
         allies = self._layout.allies
         n_targets = [spec.n_agents - 1 if unit["healer"] else spec.n_enemies for unit in allies]
-        boxes = [spaces.Box(-1.0, 1.0, (spec.obs_size,), np.float32) for _ in allies]
+        low, high = field_bounds(envs)["obs"]
+        boxes = [spaces.Box(low, high, dtype=np.float32) for _ in allies]
         return spaces.Tuple(boxes), AvailableTuple(envs, [FIRST_TARGET + n for n in n_targets])
 
     def _observation(self, now: TimeStep) -> tuple[NDArray[np.float32], ...]:

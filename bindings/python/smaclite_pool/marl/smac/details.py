@@ -69,8 +69,8 @@ class Details:
             return self._options[name]
         unit_type = name.removesuffix("_id").upper()
         if name.endswith("_id") and unit_type in _TYPES:
-            layout = self._views.layout
-            ids = {unit["unit_type"]: unit["type_id"] for unit in layout.allies + layout.enemies}
+            types = self._views.layout.info["unit_types"]
+            ids = {unit["unit_type"]: unit["type_id"] for unit in types}
             return ids.get(unit_type, -1)
         reason = f": {_UNAVAILABLE[name]}" if name in _UNAVAILABLE else ""
         raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}{reason}")
@@ -146,4 +146,4 @@ class Details:
     @property
     def map_type(self) -> str:
         """The types of the agents' units, such as "STALKER_ZEALOT"; SMAC names groups of its maps."""
-        return "_".join(sorted({unit["unit_type"] for unit in self._views.layout.allies}))
+        return "_".join(sorted({unit["unit_type"] for unit in self._views.units.stats[: self.n_agents]}))

@@ -119,7 +119,7 @@ class MultiAgentEnv(Queries, Details):
         debug: bool = False,
         *,
         rules: Literal["smaclite", "paper", "starcraft", "starcraft-1"] = "smaclite",
-        opponent: str | Mapping[str, float] = "attack_move",
+        opponent: str | Mapping[str, float] | None = None,
         episode_limit: int | Literal["default"] | None = "default",
         render_speed: float | None = 1.0,
     ) -> None:
@@ -184,13 +184,10 @@ class MultiAgentEnv(Queries, Details):
                 state_timestep_number=state_timestep_number,
             ),
         )
-        self._heuristic = Heuristic(self._views.layout)
         spec = self._battle.envs.spec
         self.n_agents, self.n_enemies, self.n_actions = spec.n_agents, spec.n_enemies, spec.n_actions
+        self._heuristic = Heuristic(self.n_agents)
         self.episode_limit = spec.episode_limit
-        health = sum(unit["hp"] + unit["shield"] for unit in self._views.layout.enemies)
-        kills = spec.rewards["reward_death_value"] * self.n_enemies
-        self.max_reward = kills + spec.rewards["reward_win"] + health
         self._views.set_limit(self.episode_limit)
         self.battles_won = self.battles_game = self.timeouts = self.force_restarts = 0
         # Zeros until the first reset.

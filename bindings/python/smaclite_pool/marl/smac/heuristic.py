@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..._layout import ScenarioLayout
 from ..._native import EAST, FIRST_TARGET, NO_OP, NORTH, SOUTH, STOP, WEST
 from ..._units import UnitsView
 
@@ -18,12 +17,9 @@ class Heuristic:
     An agent keeps its target until that is dead or healed.
     """
 
-    def __init__(self, layout: ScenarioLayout) -> None:
-        self._n_agents = layout.n_agents
-        self._healers = np.array([unit["healer"] for unit in layout.allies])
-        in_plane = [[enemy["plane"] in ally["targets"] for enemy in layout.enemies] for ally in layout.allies]
-        self._can_attack = np.array(in_plane)
-        self._targets: list[int | None] = [None] * layout.n_agents
+    def __init__(self, n_agents: int) -> None:
+        self._n_agents = n_agents
+        self._targets: list[int | None] = [None] * n_agents
 
     def reset(self) -> None:
         """Forget all targets; a new episode begins."""
@@ -36,10 +32,14 @@ class Heuristic:
     def _action(self, agent: int, units: UnitsView, available: NDArray[np.bool_]) -> int:
         if available[NO_OP]:
             return NO_OP
-        heals = bool(self._healers[agent])
+        stats = units.stats[agent]
+        heals = stats["healer"]
         side = slice(0, self._n_agents) if heals else slice(self._n_agents, None)
-        injured = units.health[side] < units.health_max[side]
-        suitable = injured & ~self._healers if heals else self._can_attack[agent]
+        if heals:
+            is_healer = np.array([unit["healer"] for unit in units.stats[side]])
+            suitable = (units.health[side] < units.health_max[side]) & ~is_healer
+        else:
+            suitable = np.array([enemy["plane"] in stats["targets"] for enemy in units.stats[side]])
         candidates = (units.health[side] > 0) & suitable
         target = self._targets[agent]
         offsets = units.positions[side] - units.positions[agent]

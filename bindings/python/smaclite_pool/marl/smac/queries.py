@@ -6,8 +6,9 @@ import math
 from typing import Any
 
 from ..._layout import Bools, Floats
-from ..._native import FIRST_TARGET, NORTH, SIGHT_RANGE, TARGETING_RANGE
+from ..._native import FIRST_TARGET, NORTH
 from ..._units import Unit
+from ...integrations._common import SingleBattle
 from .views import N_HEIGHT, N_PATHING, Views
 
 __all__ = ["Queries"]
@@ -26,6 +27,7 @@ class Queries:
     n_obs_pathing = N_PATHING
     n_obs_height = N_HEIGHT
     _views: Views
+    _battle: SingleBattle
     _avail: Bools
 
     # --- Observations, state, actions ---
@@ -157,16 +159,23 @@ class Queries:
 
     def get_unit_types(self) -> list[int]:
         """Type of each ally, then of each enemy: its index in the type one-hot, 0 if there is none."""
-        layout = self._views.layout
-        return [unit["type_id"] for unit in layout.allies + layout.enemies]
+        return [unit["type_id"] for unit in self._views.units.stats]
+
+    @property
+    def max_reward(self) -> float:
+        """The unscaled return that is scaled to `reward_scale_rate`; of the enemies of this episode."""
+        rewards = self._battle.envs.spec.rewards
+        enemies = self._views.units.stats[self.n_agents :]
+        health = sum(unit["hp"] + unit["shield"] for unit in enemies)
+        return rewards["reward_death_value"] * self.n_enemies + rewards["reward_win"] + health
 
     def unit_sight_range(self, agent_id: int) -> float:
         """Sight range of an agent in squares."""
-        return SIGHT_RANGE
+        return self._views.units.stats[range(self.n_agents)[agent_id]]["sight_range"]
 
     def unit_shoot_range(self, agent_id: int) -> float:
         """Distance in squares within which an agent can choose targets."""
-        return TARGETING_RANGE
+        return self._views.units.stats[range(self.n_agents)[agent_id]]["targeting_range"]
 
     # --- Units ---
 

@@ -1,0 +1,65 @@
+"""The command line of the learners: every field of a dataclass but the first is an option."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from dataclasses import field, fields
+from typing import Any
+
+Range = tuple[float, float]
+
+COUNT: Range = (1, 1_000_000)
+STEPS: Range = (1, 2**48)
+SHARE: Range = (0, 1)
+SMALL: Range = (1e-12, 1)
+"""Step sizes, which are above 0."""
+
+
+def option(
+    default: Any,
+    text: str,
+    choices: list[str] | None = None,
+    *,
+    within: Range | None = None,
+    numbers: bool = False,
+) -> Any:
+    """A field of the dataclass. What is given must be one of `choices`, a number `within` a range, or a text
+    of `numbers` with commas; the default can be anything."""
+    help_text = {"help": f"{text} (default: %(default)s)", "choices": choices}
+    return field(default=default, metadata={"argument": help_text, "within": within, "numbers": numbers})
+
+
+def parser_of(options: Any, description: str | None, first: str) -> argparse.ArgumentParser:
+    """A parser of the options; `first` says what the argument without a name is."""
+    keep_lines = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(description=description, formatter_class=keep_lines)
+    of_first, *others = fields(options)
+    required: Any = {} if of_first.default == "" else {"nargs": "?", "default": of_first.default}
+    parser.add_argument(of_first.name, help=first, **required)
+    for each in others:
+        kind, argument = type(each.default), each.metadata["argument"]
+        if kind is bool:
+            parser.add_argument(_flag(each.name), action="store_true", help=argument["help"])
+        else:
+            parser.add_argument(_flag(each.name), dest=each.name, type=kind, default=each.default, **argument)
+    return parser
+
+
+def parsed(parser: argparse.ArgumentParser, options: Any) -> dict[str, Any]:
+    """What the command line says, in range; or a message, and the end of the program."""
+    given = vars(parser.parse_args())
+    for each in fields(options)[1:]:
+        value, within = given[each.name], each.metadata["within"]
+        if value == each.default:
+            continue
+        if within and not within[0] <= value <= within[1]:  # also NaN
+            low, high = (f"{bound:,}" if isinstance(bound, int) else f"{bound:g}" for bound in within)
+            parser.error(f"{_flag(each.name)} must be between {low} and {high}, got {value}")
+        if each.metadata["numbers"] and not re.fullmatch("[0-9]+(,[0-9]+)*", value):
+            parser.error(f"{_flag(each.name)} must be numbers with commas between, as 64,64, got {value!r}")
+    return given
+
+
+def _flag(name: str) -> str:
+    return "--" + name.strip("_").replace("_", "-")
