@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import textwrap
 from collections.abc import Iterator
 from pathlib import Path
@@ -139,6 +140,71 @@ def test_runners_play_different_battles() -> None:
         seeds.append(sp.status(pool)["lanes"][0]["description"]["seed"])
         env.close()
     assert len(set(seeds)) == 3
+
+
+def runner(worker: int, settings: dict[str, Any], seed: int | None = None, battles: int = 3) -> Any:
+    """An env runner as RLlib makes it, which has checked its environments."""
+    from ray.rllib.algorithms.ppo import PPOConfig
+    from ray.rllib.core.rl_module.multi_rl_module import MultiRLModuleSpec
+    from ray.rllib.core.rl_module.rl_module import RLModuleSpec
+    from ray.rllib.env.multi_agent_env_runner import MultiAgentEnvRunner
+    from ray.rllib.examples.rl_modules.classes.action_masking_rlm import ActionMaskingTorchRLModule
+
+    module = RLModuleSpec(module_class=ActionMaskingTorchRLModule, model_config={"head_fcnet_hiddens": [16]})
+    config = (
+        PPOConfig()
+        .environment(BattleMultiAgentEnv, env_config={"scenario": "zerg_5_vs_5", **settings})
+        .multi_agent(policies={"shared"}, policy_mapping_fn=lambda agent, episode, **_: "shared")
+        .rl_module(rl_module_spec=MultiRLModuleSpec(rl_module_specs={"shared": module}))
+        .env_runners(num_env_runners=0, num_envs_per_env_runner=battles)
+        .debugging(seed=seed)
+    )
+    return MultiAgentEnvRunner(config=config, worker_index=worker)
+
+
+def first_states(made: Any, resets: int = 2) -> list[bytes]:
+    """What the battles of a runner begin with, in each of its first episodes."""
+    episodes: list[Any] = [None] * made.num_envs
+    states = []
+    for _ in range(resets):
+        made._reset_envs(episodes, {}, explore=True)
+        made._needs_initial_reset = False
+        states += [env.unwrapped._battle.last.state.tobytes() for env in made.env.envs]
+    made.stop()
+    return states
+
+
+def test_every_battle_of_every_runner_has_its_own_seed() -> None:
+    """RLlib's check resets every environment with seed 42, and all battles once went on from there."""
+    made = runner(1, {"seed": 5})
+    seeds = [env.unwrapped._battle.envs.spec.seed for env in made.env.envs]
+    assert seeds == [10_005, 10_006, 10_007]
+    first = first_states(made)
+    assert first_states(runner(1, {"seed": 5})) == first
+    others = [runner(1, {"seed": 6}), runner(2, {"seed": 5}), runner(1, {}), runner(1, {})]
+    states = first + [state for other in others for state in first_states(other)]
+    # Neighbours share seeds: those of 6 are 10,006 to 10,008.
+    assert len(states) == 30 and len(set(states)) == 26
+
+
+def test_the_battles_of_a_runner_begin_as_those_of_their_seeds() -> None:
+    states = first_states(runner(0, {"seed": 5}, battles=2))
+    with sp.make("zerg_5_vs_5", 2, seed=5, autoreset_mode="Disabled") as envs:
+        expected = [row.tobytes() for _ in range(2) for row in envs.reset().state]
+    assert states == expected
+
+
+def test_rllibs_own_seed_goes_before_that_of_the_environment() -> None:
+    first = first_states(runner(1, {}, seed=3))
+    assert first_states(runner(1, {"seed": 5}, seed=3)) == first
+    assert len(set(first)) == 6 and set(first_states(runner(1, {}, seed=9))).isdisjoint(first)
+
+
+def test_a_seed_that_is_none_is_named() -> None:
+    with pytest.raises(TypeError, match=re.escape("env_config['seed'] must be an integer, got str")):
+        BattleMultiAgentEnv({"seed": "a"})
+    with pytest.raises(sp.errors.InvalidRequest, match=re.escape("env_config['seed'] must not be negative")):
+        BattleMultiAgentEnv({"seed": -1})
 
 
 def test_ppo_learns_with_masks(runtime_dir: Path, capsys: pytest.CaptureFixture[str]) -> None:

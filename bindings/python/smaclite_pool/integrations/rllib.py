@@ -45,11 +45,13 @@ from numpy.typing import NDArray
 
 from .._layout import Bounds
 from .._render import RENDER_FPS, RENDER_MODES, BattleViewer
+from .._requirements import require_integer
 from ._common import SingleBattle, TimeStep
 from ._extra import extra
 
 with extra("rllib"):
     from gymnasium.spaces import Box, Dict
+    from ray.rllib.env.env_context import EnvContext
     from ray.rllib.env.multi_agent_env import MultiAgentEnv
 
     from ._spaces import AvailableDiscrete, bounded_box, update_masks
@@ -58,6 +60,9 @@ __all__ = ["BattleMultiAgentEnv", "log_team"]
 
 SEEDS_PER_RUNNER = 10_000
 """Distance between the seeds of env runners; each runner has fewer battles than that."""
+
+SEED_OF_CHECK = 42
+"""RLlib checks a new environment by a reset with this seed and a step."""
 
 
 class BattleMultiAgentEnv(MultiAgentEnv):
@@ -73,7 +78,8 @@ class BattleMultiAgentEnv(MultiAgentEnv):
             window shows every step, which needs pygame and a display; or None), `render_speed` of that window
             (1 for the speed of the battle, 0.25 for slow motion, None for no waiting), and `seed`,
             `episode_limit` and other arguments of `smaclite_pool.make`. Each battle of each env runner gets a
-            different seed, without one a random seed.
+            different seed, without one a random seed; a reset with a seed, as RLlib's `debugging(seed=)`
+            makes, replaces it.
 
     Raises InvalidRequest, ScenarioError and StartError.
     """
@@ -83,8 +89,8 @@ class BattleMultiAgentEnv(MultiAgentEnv):
     def __init__(self, config: Mapping[str, Any] | None = None) -> None:
         settings = {"scenario": "2s3z", **(config or {})}
         if settings.get("seed") is not None:
-            runner, battle = getattr(config, "worker_index", 0), getattr(config, "vector_index", 0)
-            settings["seed"] += SEEDS_PER_RUNNER * runner + battle
+            seed = require_integer("env_config['seed']", settings["seed"], 0)
+            settings["seed"] = seed + SEEDS_PER_RUNNER * getattr(config, "worker_index", 0) + _index(config)
         self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": RENDER_FPS}  # RLlib adds to it
         scenario = settings.pop("scenario")
         self.render_mode: str | None = settings.pop("render_mode", "rgb_array")
@@ -104,8 +110,15 @@ class BattleMultiAgentEnv(MultiAgentEnv):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[Any, Any], dict[Any, Any]]:
-        """Begin a new battle. Without a seed the random generator continues. `options` are ignored."""
+        """Begin a new battle. Without a seed the random generator continues. `options` are ignored.
+
+        The check of a new environment, which RLlib makes with the same seed in every env runner, is no battle
+        from which it continues.
+        """
+        is_check = not self._battle.has_begun and seed == SEED_OF_CHECK and options == {}
         now = self._battle.reset(seed)
+        if is_check:
+            self._battle.seed_next_reset(self._battle.envs.spec.seed)
         self._viewer.observe(now.state)
         return self._observe(now), self._for_all(now.totals)
 
@@ -147,6 +160,18 @@ class BattleMultiAgentEnv(MultiAgentEnv):
         """End the pool and close the window. Calling it again has no effect."""
         self._viewer.close()
         self._battle.close()
+
+
+def _index(config: Any) -> int:
+    """The index of a new battle in its env runner.
+
+    RLlib's new API stack makes all battles of a runner with one context, whose `vector_index` is 0.
+    """
+    if not isinstance(config, EnvContext):
+        return 0
+    made: int = getattr(config, "battles_made", 0)
+    config.battles_made = made + 1
+    return int(config.vector_index) + made
 
 
 def _observation_space(bounds: Bounds, n_actions: int) -> Dict:
