@@ -494,6 +494,40 @@ def test_a_vector_continues_from_snapshots_at_a_reset() -> None:
     wrapped.close()
 
 
+@pytest.mark.parametrize("mode", [AutoresetMode.SAME_STEP, "SameStep"])
+@pytest.mark.parametrize("more", [[], ["final_obs", "episode_length"]])
+def test_fields_of_same_step_autoreset_are_added(mode: Any, more: list[str]) -> None:
+    """The first end of an episode was an error about a field that nobody had named."""
+    fields = ["obs", "state", "avail_actions", "snapshot", *more]
+    options: dict[str, Any] = {"autoreset_mode": mode, "max_episode_steps": 3, "seed": 1}
+    with (
+        closing(make_vector("3m", 2, fields=fields, **options)) as envs,
+        closing(make_vector("3m", 2, **options)) as complete,
+    ):
+        envs.reset()
+        complete.reset()
+        for _ in range(3):
+            *_, infos = envs.step(np.ones((2, 3), np.int64))
+            *_, expected = complete.step(np.ones((2, 3), np.int64))
+        np.testing.assert_equal(infos["final_obs"][1], expected["final_obs"][1])
+        assert set(infos["final_obs"][1]) == {"obs", "state", "action_mask"}
+    with closing(make_vector("3m", 1, fields=["state"], autoreset_mode=mode)) as envs:
+        assert set(envs._envs.spec.fields) & {"final_obs", "final_state"} == {"final_state"}
+    with pytest.raises(TypeError, match="fields must be a list of strings"):
+        make_vector("3m", 1, fields="obs", autoreset_mode=mode)
+
+
+def test_a_lane_without_the_fields_that_are_needed_is_refused() -> None:
+    """They were missed in the first step, or at the first end of an episode."""
+    with (
+        sp.make("3m", 2, fields=["obs", "state", "final_obs"], autoreset_mode="SameStep") as envs,
+        pytest.raises(sp.errors.InvalidRequest, match='"SameStep" needs `final_state` among `fields`'),
+    ):
+        BattleVectorEnv(envs)
+    with pytest.raises(sp.errors.InvalidRequest, match='"stop" needs `avail_actions` among `fields`'):
+        make_vector("3m", 2, fields=["obs"], illegal_actions="stop")
+
+
 def test_seeds_are_a_list_as_for_gymnasiums_vectors() -> None:
     """`reset(seed=[1, 2, 3, 4])` was refused with "Seed must be a python integer"."""
     seeds = [4, 9, None, 4]

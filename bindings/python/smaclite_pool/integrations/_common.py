@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import operator
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from typing import Any, Literal, TypeAlias, TypeVar
@@ -55,6 +55,13 @@ def check_one_side(envs: Envs) -> Envs:
             "environment play both sides"
         )
     return envs
+
+
+def require_fields(envs: Envs, user: str, names: Iterable[str]) -> None:
+    """Raise InvalidRequest, in the name of the user, for fields among `names` that the lane omits."""
+    missing = [f"`{name}`" for name in names if name not in envs.spec.fields]
+    if missing:
+        raise InvalidRequest(f"{user} needs {', '.join(missing)} among `fields`, which this lane omits")
 
 
 def check_keywords(made_by: Callable[..., Any], settings: Mapping[str, Any]) -> None:

@@ -32,7 +32,7 @@ after a same-step reset; `episode_return` and `episode_length` in `infos` need n
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from os import PathLike
 from typing import Any, Literal, TypeAlias
 
@@ -50,6 +50,7 @@ from .._render import (
     check_render_speed,
 )
 from .._requirements import require_synchronous
+from .._rollout import _names
 from ..errors import InvalidRequest
 from ._common import (
     INFO_FIELDS,
@@ -60,6 +61,7 @@ from ._common import (
     TimeStep,
     check_keywords,
     check_one_side,
+    require_fields,
     stop_unavailable,
     stops,
 )
@@ -111,7 +113,8 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
         renderer: how to draw; by default 256 x 256 pixels per environment.
 
     Raises InvalidRequest for an asynchronous lane, another value of `illegal_actions`, `render_mode` or
-    `render_speed`, or a render mode if the lane omits the field `state`.
+    `render_speed`, or if the lane omits a field that is needed: `state` by a render mode, `avail_actions` by
+    "stop", and with same-step autoreset the `final_` field of each observation.
     """
 
     observation_space: spaces.Dict
@@ -151,9 +154,12 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
         self.single_action_space = single_action_space(envs)
         self.observation_space = batched_observation_space(envs)
         self.action_space = batched_action_space(envs)
-        fields = spec.fields
-        self._keys = {key: field for key, field in OBSERVATION_KEYS.items() if field in fields}
-        self._info_fields = [name for name in INFO_FIELDS if name in fields]
+        self._keys = {key: field for key, field in OBSERVATION_KEYS.items() if field in spec.fields}
+        self._info_fields = [name for name in INFO_FIELDS if name in spec.fields]
+        if self._stops:
+            require_fields(envs, 'illegal_actions="stop"', ["avail_actions"])
+        if spec.autoreset_mode == "SameStep":
+            require_fields(envs, 'autoreset_mode="SameStep"', _final(self._keys.values()))
         self.closed = False
 
     def reset(
@@ -315,11 +321,15 @@ def make_vector(
         max_episode_steps: steps after which an episode is truncated; None for the limit of the scenario.
         seed: environment i is seeded with seed + i until a reset with another seed; None for a random seed.
         illegal_actions, copy, render_mode, render_speed: as in `BattleVectorEnv`.
-        settings: `threads`, `rules`, `fields`, `wait` and other arguments of `smaclite_pool.make`.
+        settings: `threads`, `rules`, `fields`, `wait` and other arguments of `smaclite_pool.make`. Same-step
+            autoreset adds the `final_` field of each observation to `fields`.
 
     Raises InvalidRequest, ScenarioError and StartError.
     """
     check_keywords(make_vector, settings)
+    if settings.get("fields") is not None and autoreset_mode in (AutoresetMode.SAME_STEP, "SameStep"):
+        fields = _names(settings["fields"])
+        settings["fields"] = list(dict.fromkeys([*fields, *_final(fields)]))
     if max_episode_steps is not None:
         settings["episode_limit"] = max_episode_steps
     check_render_mode(render_mode)
@@ -453,6 +463,11 @@ class BattleEnv(CopiedByArguments, gymnasium.Env[Any, Any]):
         """End the pool and close the window. Calling it again has no effect."""
         self._viewer.close()
         self._battle.close()
+
+
+def _final(fields: Iterable[str]) -> list[str]:
+    """The fields of the last observations of episodes, for those among `fields` that are observations."""
+    return [f"final_{field}" for field in fields if field in OBSERVATION_KEYS.values()]
 
 
 def _one_of(scenario: Scenario | None, map_file: Scenario | None) -> Scenario:
