@@ -133,6 +133,84 @@ def test_a_saved_state_has_the_same_future_again() -> None:
         env.save()
 
 
+def test_infos_are_those_that_the_lane_has() -> None:
+    """It was an error without a word: KeyError 'battle_won'."""
+    fields = ["obs", "state", "avail_actions", "snapshot", "episode_length"]
+    with closing(PoolEnv("3m", 2, fields=fields)) as env:
+        check_env_specs(env, seed=1)
+        assert list(env.rollout(3)["info"].keys()) == ["episode_length"]
+        with pytest.raises(
+            sp.errors.InvalidRequest, match="restore needs `dead_allies`, `dead_enemies` among"
+        ):
+            env.restore(env.save())
+    with pytest.raises(
+        sp.errors.InvalidRequest, match="TorchRL needs `state`, `avail_actions` among `fields`"
+    ):
+        PoolEnv("3m", 2, fields=["obs"])
+    with pytest.raises(sp.errors.InvalidRequest, match="TorchRL needs `enemy_reward` among `fields`"):
+        both = ["obs", "state", "avail_actions", "enemy_obs", "enemy_avail_actions"]
+        PoolEnv("3m", 2, sides="both", fields=both)
+
+
+def test_a_restore_says_which_battles_have_ended() -> None:
+    """All were marked as not done, also what had ended."""
+    fields = ["obs", "state", "avail_actions", "snapshot", *INFO_FIELDS]
+    with closing(PoolEnv("3m", 3, fields=fields, episode_limit=12)) as env:
+        data = env.reset(seed=1)
+        middle = None
+        while not data["done"].all():
+            middle = env.save() if data["info", "episode_length"][0] == 5 else middle
+            data = env.step(env.rand_action(data))["next"]
+        assert data["truncated"].all()
+        ended = env.save()
+        assert middle is not None
+        one = env.restore(middle[1:2], [1])
+        assert one["done"][:, 0].tolist() == one["truncated"][:, 0].tolist() == [True, False, True]
+        again = env.restore(ended)
+        assert again["truncated"].all() and not again["terminated"].any()
+        assert not env.restore(middle)["done"].any()
+    with closing(PoolEnv("3m", 1, fields=fields, episode_limit=None)) as env:
+        won = env.rollout(200)[:, -1]["next"]
+        assert won["terminated"].all() and env.restore(env.save())["terminated"].all()
+
+
+def test_actions_are_passed_on_as_they_are(env: PoolEnv) -> None:
+    """1.9 was played as 1, and 2**32 + 1 too."""
+    data = env.reset(seed=1)
+    data["agents", "action"] = torch.full((4, 5), 1.9, requires_grad=True)
+    with pytest.raises(TypeError, match="actions must be an integer array, got float32"):
+        env.step(data)
+    data["agents", "action"] = torch.full((4, 5), 2**32 + 1)
+    with pytest.raises(sp.errors.InvalidRequest, match="actions must fit into int32, got 4294967297"):
+        env.step(data)
+    data["agents", "action"] = torch.ones((4, 5), dtype=torch.uint8)
+    assert env.step(data)["next", "info", "episode_length"].tolist() == [1, 1, 1, 1]
+
+
+def test_settings_that_do_not_fit_are_refused_and_leave_no_pool() -> None:
+    with pytest.raises(sp.errors.InvalidRequest, match="TorchRL needs batches of all environments"):
+        PoolEnv("3m", 4, batch_size=2)
+    with pytest.raises(sp.errors.InvalidRequest, match="waits for a reset .*; remove `autoreset_mode`"):
+        PoolEnv("3m", 4, autoreset_mode="NextStep")
+    assert sp.pools() == []
+
+
+def test_a_reset_takes_a_seed_and_nothing_else() -> None:
+    """`reset(seed=3)` was ignored, as any other argument."""
+    with closing(PoolEnv("terran_5_vs_5", 3)) as env:
+        wrapped = TransformedEnv(env, RewardSum())
+        first = env.reset(seed=3)["state"]
+        env.set_seed(8)
+        assert torch.equal(wrapped.reset(seed=3)["state"], first)
+        assert not torch.equal(env.reset()["state"], first), "goes on"
+        some = env.reset(env.rollout(1)[:, -1].set("_reset", torch.tensor([[False], [True], [True]])), seed=3)
+        assert torch.equal(some["state"][1:], first[1:]) and not torch.equal(some["state"][0], first[0])
+        env.set_seed(3)
+        assert torch.equal(env.reset()["state"], first)
+        with pytest.raises(TypeError, match="foo"):
+            env.reset(foo=3)
+
+
 def test_a_seed_gives_the_same_rollout_again(env: PoolEnv) -> None:
     def play(seed: int) -> Any:
         env.set_seed(seed)

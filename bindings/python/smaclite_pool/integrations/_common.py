@@ -57,6 +57,17 @@ def check_one_side(envs: Envs) -> Envs:
     return envs
 
 
+WAITS_FOR_RESET = "waits for a reset when it has ended"
+"""Why an environment takes no `autoreset_mode`."""
+
+
+def refuse_settings(user: str, fixed: Mapping[str, str], settings: Mapping[str, Any]) -> None:
+    """Raise InvalidRequest, in the name of the user, for settings that it decides; `fixed` says why."""
+    for name, why in fixed.items():
+        if name in settings:
+            raise InvalidRequest(f"{user} {why}; remove `{name}`")
+
+
 def require_fields(envs: Envs, user: str, names: Iterable[str]) -> None:
     """Raise InvalidRequest, in the name of the user, for fields among `names` that the lane omits."""
     missing = [f"`{name}`" for name in names if name not in envs.spec.fields]
@@ -97,6 +108,21 @@ def stops(illegal_actions: IllegalActions) -> bool:
     if illegal_actions not in ("error", "stop"):
         raise InvalidRequest(f'illegal_actions must be "error" or "stop", got {illegal_actions!r}')
     return illegal_actions == "stop"
+
+
+ENDS_FIELDS = ("dead_allies", "dead_enemies", "episode_length")
+"""Fields that `ends` needs."""
+
+
+def ends(batch: Batch, envs: Envs) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Whether each battle has terminated and whether it was truncated, bool [M], after a restore.
+
+    The batch itself says how the last step ended a battle, and there was no step.
+    """
+    spec = envs.spec
+    terminated = (batch.dead_allies == spec.n_agents) | (batch.dead_enemies == spec.n_enemies)
+    limit = np.inf if spec.episode_limit is None else spec.episode_limit
+    return terminated, ~terminated & (batch.episode_length >= limit)
 
 
 class CopiedByArguments:
@@ -255,12 +281,10 @@ class SingleBattle:
         fixed = {
             "fields": "has all fields",
             "num_envs": "is one environment",
-            "autoreset_mode": "waits for a reset when it has ended",
+            "autoreset_mode": WAITS_FOR_RESET,
             "lanes": "has one lane",
         }
-        for name, why in fixed.items():
-            if name in settings:
-                raise InvalidRequest(f"a single battle {why}; remove `{name}`")
+        refuse_settings("a single battle", fixed, settings)
         fields = [*SINGLE_BATTLE_FIELDS, *(SHARE_FIELDS if shares else ())]
         # Frameworks run many of these per machine, where a thread that spins takes CPU time from the others.
         defaults = {"threads": 1, "wait": "block", "max_held_batches": 2}
@@ -306,11 +330,11 @@ class SingleBattle:
 
         Raises InvalidRequest for a snapshot of another scenario or rule set.
         """
-        now, spec = TimeStep.of(self.envs.reset(seed, snapshots=snapshot)), self.envs.spec
-        # A batch says how the last step ended a battle, and here there was no step.
-        is_decided = now.info["dead_allies"] == spec.n_agents or now.info["dead_enemies"] == spec.n_enemies
-        is_at_limit = spec.episode_limit is not None and now.episode_length >= spec.episode_limit
-        self._last = replace(now, terminated=is_decided, truncated=is_at_limit and not is_decided)
+        batch = self.envs.reset(seed, snapshots=snapshot)
+        terminated, truncated = ends(batch, self.envs)
+        self._last = replace(
+            TimeStep.of(batch), terminated=terminated[0].item(), truncated=truncated[0].item()
+        )
         return self._last
 
     def step(self, actions: Sequence[int | np.integer[Any]] | NDArray[Any]) -> TimeStep:

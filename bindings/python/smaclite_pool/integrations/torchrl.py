@@ -33,7 +33,17 @@ from .._native import Batch, Envs, Renderer, make
 from .._render import LaneViewer, check_render_mode, check_render_speed
 from .._requirements import require_synchronous
 from ..errors import InvalidRequest
-from ._common import INFO_FIELDS, check_keywords
+from ._common import (
+    ENDS_FIELDS,
+    ENEMY_FIELDS,
+    INFO_FIELDS,
+    OBSERVATION_KEYS,
+    WAITS_FOR_RESET,
+    check_keywords,
+    ends,
+    refuse_settings,
+    require_fields,
+)
 from ._extra import extra
 
 with extra("torchrl"):
@@ -85,7 +95,8 @@ class PoolEnv(EnvBase):
     """The environments of a lane with batch size [num_envs].
 
     Data is copied once, from shared memory to `device`. "info" contains battle_won, dead_allies,
-    dead_enemies, episode_return and episode_length, each [num_envs].
+    dead_enemies, episode_return and episode_length, each [num_envs]; those of them that the lane has. `reset`
+    takes a `seed`, as `set_seed` before it: environment i is seeded with seed + i.
 
     Args:
         scenario: a standard scenario or the path of a scenario file, for a pool within this process; or
@@ -99,9 +110,10 @@ class PoolEnv(EnvBase):
             motion; None for no waiting.
         renderer: how to draw; by default 256 x 256 pixels per environment.
         settings: `seed`, `threads`, `episode_limit` and other arguments of `smaclite_pool.make`, for a pool
-            within this process.
+            within this process, except `autoreset_mode`.
 
-    Raises InvalidRequest for environments with other settings, and for `settings` with connected
+    Raises InvalidRequest for environments with other settings or without the fields `obs`, `state` and
+    `avail_actions` (with both sides, those of the enemies too), and for `settings` with connected
     environments.
     """
 
@@ -120,10 +132,18 @@ class PoolEnv(EnvBase):
         check_render_mode(render_mode)
         check_render_speed(render_speed)
         if isinstance(scenario, Envs):
-            self._check(scenario, settings)
+            if settings:
+                raise InvalidRequest(f"a running pool has its own settings; remove {', '.join(settings)}")
+            self._check(scenario)
             envs = scenario
         else:
+            refuse_settings("an environment of TorchRL", {"autoreset_mode": WAITS_FOR_RESET}, settings)
             envs = make(scenario, num_envs, autoreset_mode="Disabled", **settings)
+            try:
+                self._check(envs)
+            except InvalidRequest:
+                envs.close()
+                raise
         super().__init__(device=torch.device(device), batch_size=torch.Size([envs.spec.num_envs]))
         self.envs = envs
         self.render_mode = render_mode
@@ -136,14 +156,15 @@ class PoolEnv(EnvBase):
         self._make_specs()
 
     @staticmethod
-    def _check(envs: Envs, settings: dict[str, Any]) -> None:
-        if settings:
-            raise InvalidRequest(f"a running pool has its own settings; remove {', '.join(settings)}")
+    def _check(envs: Envs) -> None:
         require_synchronous(envs, "TorchRL", "Disabled")
+        of_enemies = ENEMY_FIELDS if envs.spec.sides == "both" else ()
+        require_fields(envs, "TorchRL", [*OBSERVATION_KEYS.values(), *of_enemies])
 
     def _make_specs(self) -> None:
         count, device, envs = self.batch_size, self.device, self.envs
-        info = {name: self._scalar(self._dtype(name), count) for name in INFO_FIELDS}
+        self._info_fields = [name for name in INFO_FIELDS if name in envs.spec.fields]
+        info = {name: self._scalar(self._dtype(name), count) for name in self._info_fields}
         bounds = field_bounds(envs)
         sizes = {
             "agents": (envs.spec.n_agents, bounds["obs"], envs.spec.n_actions),
@@ -193,25 +214,23 @@ class PoolEnv(EnvBase):
             return Binary(shape=shape, device=self.device, dtype=dtype)
         return Unbounded(shape, device=self.device, dtype=dtype)
 
-    def _reset(self, tensordict: TensorDictBase | None = None, **_: Any) -> TensorDictBase:
+    def _reset(self, tensordict: TensorDictBase | None = None, *, seed: int | None = None) -> TensorDictBase:
         mask = None if tensordict is None else tensordict.get("_reset", None)
         if mask is None or bool(mask.all()):
-            seed, self._next_seed = self._next_seed, None
-            batch = self.envs.reset(seed)
+            batch = self.envs.reset(self._next_seed if seed is None else seed)
+            self._next_seed = None
         else:
-            batch = self.envs.reset(mask=mask.reshape(-1).cpu().numpy())
+            batch = self.envs.reset(seed, mask=mask.reshape(-1).cpu().numpy())
         self._viewer.observe(batch)
         return self._decode(batch)
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
-        each = [tensordict.get((group, "action")).to("cpu", torch.int32) for group in self.group_map]
+        each = [tensordict.get((group, "action")).detach().cpu() for group in self.group_map]
         batch = self.envs.step(torch.cat(each, dim=-1).contiguous().numpy())
         self._viewer.observe(batch)
         observed = self._decode(batch)
-        terminated = self._field(batch, "terminated").unsqueeze(-1)
-        truncated = self._field(batch, "truncated").unsqueeze(-1)
-        ends = {"done": terminated | truncated, "terminated": terminated, "truncated": truncated}
-        observed.update({"reward": self._field(batch, "reward").unsqueeze(-1), **ends})
+        observed.update(self._ends(batch.terminated, batch.truncated))
+        observed["reward"] = self._field(batch, "reward").unsqueeze(-1)
         if "enemies" in self.group_map:
             team = (*self.batch_size, self.envs.spec.n_enemies, 1)
             observed["enemies", "reward"] = (
@@ -235,18 +254,25 @@ class PoolEnv(EnvBase):
     ) -> TensorDictBase:
         """Continue from snapshots, uint8 [K, snapshot_size], in all environments or those of `env_id`.
 
-        Returns what `reset` returns. Without a seed the battles go on as they would have gone on; with one,
-        environment i has the execution orders of seed + i. Raises InvalidRequest as `Envs.reset`.
+        Returns what `reset` returns; "done" is True where a battle has ended, before the snapshot or, in
+        another environment, before the call. Without a seed the battles go on as they would have gone on;
+        with one, environment i has the execution orders of seed + i. Raises InvalidRequest as `Envs.reset`,
+        and if the lane omits dead_allies, dead_enemies or episode_length.
         """
+        require_fields(self.envs, "restore", ENDS_FIELDS)
         batch = self.envs.reset(seed, env_id=env_id, snapshots=snapshots.cpu().numpy())
         self._viewer.observe(batch)
-        return self._decode(batch).update(self.full_done_spec.zero())
+        return self._decode(batch).update(self._ends(*ends(batch, self.envs)))
+
+    def _ends(self, terminated: NDArray[np.bool_], truncated: NDArray[np.bool_]) -> dict[str, torch.Tensor]:
+        each = {"done": terminated | truncated, "terminated": terminated, "truncated": truncated}
+        return {name: torch.from_numpy(end[:, None].copy()).to(self.device) for name, end in each.items()}
 
     def _decode(self, batch: Batch) -> TensorDictBase:
         if "snapshot" in self.envs.spec.fields:
             self._snapshots = tensor(batch.snapshot).plain.clone()
         groups = {group: self._decode_group(batch, group) for group in self.group_map}
-        info = {name: self._field(batch, name) for name in INFO_FIELDS}
+        info = {name: self._field(batch, name) for name in self._info_fields}
         return TensorDict(
             {
                 **groups,
