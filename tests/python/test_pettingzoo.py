@@ -97,6 +97,24 @@ def test_a_time_out_truncates_all_agents() -> None:
     env.close()
 
 
+def test_a_battle_that_had_ended_begins_without_agents() -> None:
+    """All agents were listed, and their first step was an error. `restore` had listed none."""
+    env = parallel_env("3m", episode_limit=1)
+    env.reset(seed=1)
+    env.step(dict.fromkeys(env.agents, 1))
+    ended = env.save()
+    env.reset()
+    assert env.reset(options={"snapshot": ended})[1] == {} and env.agents == []
+    for constructor in (pettingzoo.raw_env, pettingzoo.env):
+        in_turns: Any = constructor("3m", episode_limit=1)
+        with pytest.raises(sp.errors.InvalidRequest, match="the battle of this snapshot has ended"):
+            in_turns.reset(options={"snapshot": ended})
+        in_turns.reset(seed=1)
+        assert in_turns.agents == in_turns.possible_agents
+        in_turns.close()
+    env.close()
+
+
 def test_invalid_calls_are_refused(env: parallel_env) -> None:
     with pytest.raises(sp.errors.InvalidRequest, match="reset"):
         env.state()

@@ -59,7 +59,7 @@ from ._extra import extra
 with extra("pettingzoo"):
     from gymnasium.spaces import Box, Dict
     from pettingzoo import AECEnv, ParallelEnv
-    from pettingzoo.utils import parallel_to_aec, wrappers
+    from pettingzoo.utils import BaseParallelWrapper, parallel_to_aec, wrappers
 
     from ._spaces import AvailableDiscrete, bounded_box, update_masks
 
@@ -143,12 +143,9 @@ class parallel_env(CopiedByArguments, ParallelEnv[str, Observation, np.int64]):
         """Begin a new battle. Without a seed the random generator continues.
 
         With `options["snapshot"]` the battle continues from a snapshot, as by `restore`, and wrappers begin
-        to count anew. Other options are ignored.
+        to count anew; if it had ended there, `agents` is empty. Other options are ignored.
         """
-        now = self._battle.reset(seed, options)
-        self.agents = self.possible_agents[:]
-        self._viewer.observe(now.state)
-        return self._observe(now), self._infos(now)
+        return self._begin(self._battle.reset(seed, options))
 
     def step(
         self, actions: Mapping[str, int | np.integer[Any]]
@@ -209,7 +206,9 @@ class parallel_env(CopiedByArguments, ParallelEnv[str, Observation, np.int64]):
         Wrappers do not know of it; `reset(options={"snapshot": snapshot})` does the same, and they do. Raises
         InvalidRequest for a snapshot of another scenario or rule set.
         """
-        now = self._battle.restore(snapshot, seed)
+        return self._begin(self._battle.restore(snapshot, seed))
+
+    def _begin(self, now: TimeStep) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
         self.agents = [] if now.ended else self.possible_agents[:]
         self._viewer.observe(now.state)
         return self._observe(now), self._infos(now)
@@ -248,9 +247,26 @@ def _observation_box(bounds: Bounds, n_actions: int) -> Box:
     return bounded_box(bounds, bounds[0].shape)
 
 
+class _BeginsWithAgents(BaseParallelWrapper[str, Observation, np.int64]):
+    """PettingZoo's AEC interface divides by the number of agents: in a battle that has ended, by zero."""
+
+    def reset(
+        self, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, Observation], dict[str, dict[str, Any]]]:
+        begun = super().reset(seed, options)
+        if not self.env.agents:
+            raise InvalidRequest(
+                "the battle of this snapshot has ended, so no agent can act; see parallel_env"
+            )
+        return begun
+
+
 def raw_env(scenario: Scenario = "2s3z", **settings: Any) -> AECEnv[str, Observation, np.int64]:
-    """One battle with PettingZoo's AEC interface (agents act in turn); arguments as in `parallel_env`."""
-    return parallel_to_aec(parallel_env(scenario, **settings))
+    """One battle with PettingZoo's AEC interface (agents act in turn); arguments as in `parallel_env`.
+
+    A reset to a battle that has ended raises InvalidRequest.
+    """
+    return parallel_to_aec(_BeginsWithAgents(parallel_env(scenario, **settings)))
 
 
 def env(scenario: Scenario = "2s3z", **settings: Any) -> AECEnv[str, Observation, np.int64]:
