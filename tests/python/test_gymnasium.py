@@ -150,6 +150,22 @@ def test_a_window_shows_every_step_of_a_battle(monkeypatch: pytest.MonkeyPatch) 
             make("2s3z", render_mode="human", render_speed=0)
 
 
+def test_a_picture_shows_the_units_of_the_options() -> None:
+    """Those of the scenario were drawn, or the state had the wrong size for them."""
+    drawn: dict[str, Any] = {
+        "teams": {"distribution": "all_teams", "unit_types": ["MARINE", "MARAUDER", "MEDIVAC"]},
+        "start_positions": {"distribution": "reflect_position"},
+    }
+    env = BattleEnv("3m", seed=1, render_mode="rgb_array", **drawn)
+    state = env.reset()[0]["state"]
+    with sp.make("3m", 1, **drawn) as envs:
+        assert np.array_equal(env.render(), sp.Renderer(envs, *env.picture_size).render(state))
+    env.close()
+    for option in ({"render_mode": "ansi"}, {"render_speed": 0}):
+        with pytest.raises(sp.errors.InvalidRequest, match=f"{next(iter(option))} must be"):
+            BattleEnv("3m", **option)  # type: ignore[arg-type]
+
+
 def test_spaces_are_those_learners_expect() -> None:
     with closing(make_vector("MMM2", 2)) as envs:
         assert envs.single_action_space == gymnasium.spaces.MultiDiscrete([18] * 10)

@@ -170,6 +170,20 @@ def test_the_render_mode_is_an_argument_of_every_constructor() -> None:
     plain.close()
 
 
+def test_a_picture_shows_the_units_of_the_options() -> None:
+    drawn: dict[str, Any] = {
+        "teams": {"distribution": "all_teams", "unit_types": ["MARINE", "MARAUDER", "MEDIVAC"]},
+        "start_positions": {"distribution": "reflect_position"},
+    }
+    env = parallel_env("3m", seed=1, render_mode="rgb_array", **drawn)
+    env.reset()
+    with sp.make("3m", 1, **drawn) as envs:
+        expected = sp.Renderer(envs, *env.picture_size).render(env.state())
+    picture = env.render()
+    assert picture is not None and np.array_equal(picture, expected)
+    env.close()
+
+
 def test_a_window_shows_every_step(monkeypatch: pytest.MonkeyPatch) -> None:
     shown: list[Any] = []
     monkeypatch.setattr(Window, "show", lambda _, picture: shown.append(picture))

@@ -111,6 +111,20 @@ def test_pictures(env: BattleMultiAgentEnv) -> None:
     assert later is not None and not np.array_equal(picture, later)
 
 
+def test_a_picture_shows_the_units_of_the_options() -> None:
+    drawn: dict[str, Any] = {
+        "teams": {"distribution": "all_teams", "unit_types": ["MARINE", "MARAUDER", "MEDIVAC"]},
+        "start_positions": {"distribution": "reflect_position"},
+    }
+    env = BattleMultiAgentEnv({"scenario": "3m", **drawn})
+    env.reset(seed=1)
+    with sp.make("3m", 1, **drawn) as envs:
+        expected = sp.Renderer(envs, *env.picture_size).render(env._battle.last.state)
+    picture = env.render()
+    assert picture is not None and np.array_equal(picture, expected)
+    env.close()
+
+
 def test_a_window_shows_every_step(monkeypatch: pytest.MonkeyPatch) -> None:
     shown: list[Any] = []
     monkeypatch.setattr(Window, "show", lambda _, picture: shown.append(picture))

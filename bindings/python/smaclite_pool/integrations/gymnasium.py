@@ -43,7 +43,6 @@ from .._native import Batch, Envs, Renderer, make, scenarios
 from .._render import (
     RENDER_FPS,
     RENDER_MODES,
-    BattleViewer,
     LaneViewer,
     Picture,
     check_render_mode,
@@ -59,6 +58,7 @@ from ._common import (
     IllegalActions,
     SingleBattle,
     TimeStep,
+    UnitsViewer,
     check_keywords,
     check_one_side,
     require_fields,
@@ -383,10 +383,12 @@ class BattleEnv(CopiedByArguments, gymnasium.Env[Any, Any]):
     ) -> None:
         check_keywords(type(self), settings)
         self._stops = stops(illegal_actions)
+        check_render_mode(render_mode)
+        check_render_speed(render_speed)
         name = _one_of(scenario, map_file)
         self.render_mode = render_mode
-        self._viewer = BattleViewer(name, *self.picture_size, render_mode, render_speed)
         self._battle = SingleBattle(name, {"seed": seed, "episode_limit": episode_limit, **settings})
+        self._viewer = UnitsViewer(self._battle.envs, *self.picture_size, render_mode, render_speed)
         self._np_random, self._np_random_seed = seeding.np_random(self._battle.envs.spec.seed)
         self.observation_space, self.action_space = self._spaces(name, self._battle.envs)
 

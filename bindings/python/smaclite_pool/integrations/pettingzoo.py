@@ -43,13 +43,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._layout import Bounds, field_bounds
-from .._render import RENDER_FPS, RENDER_MODES, BattleViewer
+from .._render import RENDER_FPS, RENDER_MODES, check_render_mode, check_render_speed
 from ..errors import InvalidRequest
 from ._common import (
     CopiedByArguments,
     IllegalActions,
     SingleBattle,
     TimeStep,
+    UnitsViewer,
     check_keywords,
     stop_unavailable,
     stops,
@@ -112,9 +113,11 @@ class parallel_env(CopiedByArguments, ParallelEnv[str, Observation, np.int64]):
             raise InvalidRequest(f'action_mask must be "observation" or "info", got {action_mask!r}')
         self._is_plain, self._stops = action_mask == "info", stops(illegal_actions)
         self.render_mode = render_mode
-        self._viewer = BattleViewer(scenario, *self.picture_size, render_mode, render_speed)
+        check_render_mode(render_mode)
+        check_render_speed(render_speed)
         self._battle = SingleBattle(scenario, settings, both_sides=True, shares=own_rewards)
         envs = self._battle.envs
+        self._viewer = UnitsViewer(envs, *self.picture_size, render_mode, render_speed)
         self.metadata = {
             "name": f"smaclite_pool_{envs.spec.scenario}",
             "render_modes": list(RENDER_MODES),
