@@ -74,6 +74,22 @@ def test_a_reset_of_some_returns_those_in_their_order() -> None:
                 envs.reset(**wrong)
 
 
+def test_a_mask_must_have_a_bool_for_every_environment() -> None:
+    """Numbers were read as true, and a short mask as one of the first environments: others were reset."""
+    with envpool.make("3m", num_envs=4) as envs:
+        envs.reset()
+        envs.step(np.ones((4, 3), np.int32))
+        with pytest.raises(TypeError, match=r"options\['reset_mask'\] must be a bool array, got int64"):
+            envs.reset(options={"reset_mask": np.array([1, 3])})
+        for mask in ([True, False], [[True, False, False, True]], True):
+            with pytest.raises(
+                sp.errors.InvalidRequest, match=r"must be a bool array of shape \(4,\), got \("
+            ):
+                envs.reset(options={"reset_mask": mask})
+        _, info = envs.reset(options={"reset_mask": [False, True, False, True]})
+        assert info["env_id"].tolist() == [1, 3] and info["elapsed_step"].tolist() == [0, 0]
+
+
 def test_arrays_are_copies_unless_copy_is_false() -> None:
     for copy in (True, False):
         with envpool.make("2s3z", num_envs=2, copy=copy) as envs:

@@ -187,18 +187,29 @@ class EnvPool:
 
         With a seed, environment i is seeded with seed + i. Returns observations and info of those
         environments, in that order; with asynchronous environments those of the next batch, as `recv` does.
-        Raises InvalidRequest for both choices at once and for an empty one.
+        Raises InvalidRequest for both choices at once, for an empty one and for a mask of another shape, and
+        TypeError for a mask that is not bool.
         """
         mask = (options or {}).get("reset_mask")
         if mask is not None:
             if env_id is not None:
                 raise InvalidRequest("env_id and options['reset_mask'] exclude each other; give one")
-            env_id = np.flatnonzero(mask)
+            env_id = np.flatnonzero(self._checked(mask))
         ids = None if env_id is None else np.atleast_1d(np.asarray(env_id))
         if ids is not None and not ids.size:
             raise InvalidRequest("env_id and options['reset_mask'] must choose at least one environment")
         batch = self._envs.reset(seed, env_id=ids)
         return self._decode(batch, None if self.is_async else ids)
+
+    def _checked(self, mask: ArrayLike) -> NDArray[np.bool_]:
+        given, expected = np.asarray(mask), (self.num_envs,)
+        if given.dtype != np.bool_:
+            raise TypeError(f"options['reset_mask'] must be a bool array, got {given.dtype}")
+        if given.shape != expected:
+            raise InvalidRequest(
+                f"options['reset_mask'] must be a bool array of shape {expected}, got {given.shape}"
+            )
+        return given
 
     def _decode(self, batch: Batch, slots: NDArray[Any] | None = None) -> tuple[Arrays, Arrays]:
         return self._select(OBS_KEYS, batch, slots), self._select(INFO_KEYS, batch, slots)
