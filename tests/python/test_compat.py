@@ -171,6 +171,21 @@ def test_observations_of_drawn_teams_are_in_their_space() -> None:
     env.close()
 
 
+def test_samples_are_available_and_in_the_space() -> None:
+    """A healer can heal the last unit by an action that its space, as in the published one, does not have."""
+    env: Any = gymnasium.make("smaclite/MMM2-v0", seed=1).unwrapped
+    env.action_space.seed(1)
+    for _ in range(8):
+        env.reset()
+        ended = False
+        while not ended:
+            actions = env.action_space.sample()
+            assert actions in env.action_space
+            *_, terminated, truncated, _ = env.step(actions)
+            ended = terminated or truncated
+    env.close()
+
+
 def test_living_units_are_listed() -> None:
     env: Any = gymnasium.make("smaclite/2s3z-v0", seed=1).unwrapped
     assert env.agents == {} and env.enemies == {}

@@ -14,6 +14,7 @@ import smaclite_pool as sp
 
 pytest.importorskip("pettingzoo")
 
+import gymnasium
 from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, seed_test
 from smaclite_pool._render import Window
 from smaclite_pool.integrations import pettingzoo
@@ -292,6 +293,14 @@ def test_an_environment_is_copied_by_its_arguments_before_its_first_reset() -> N
 
 
 WRAPPERS = ["black_death_v3", "pad_observations_v0", "agent_indicator_v0", "frame_stack_v1", "flatten_v0"]
+
+
+def test_copies_of_an_action_space_draw_as_the_original_would(env: parallel_env) -> None:
+    env.reset(seed=1)
+    space = env.action_space("agent_0")
+    space.seed(5)
+    drawn = [[int(made.sample()) for _ in range(9)] for made in (copy.deepcopy(space), copy.deepcopy(space))]
+    assert drawn[0] == drawn[1] and type(copy.deepcopy(space)) is gymnasium.spaces.Discrete
 
 
 @pytest.mark.parametrize("name", WRAPPERS)

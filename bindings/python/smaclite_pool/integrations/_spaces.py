@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from gymnasium import spaces
@@ -14,6 +14,14 @@ from .._layout import Bounds, field_bounds
 from .._native import Envs
 from ..errors import Closed, InvalidRequest
 from ._common import ENEMY_OBSERVATION_KEYS, OBSERVATION_KEYS
+
+Copy: TypeAlias = "tuple[Any, tuple[type[spaces.Space[Any]]], dict[str, Any]]"
+
+
+def _copied_as(plain: type[spaces.Space[Any]], space: spaces.Space[Any]) -> Copy:
+    """For `__reduce__`: a copy is a plain space with the same random state, as no environment updates it."""
+    state = {name: value for name, value in vars(space).items() if name not in ("mask", "_envs")}
+    return object.__new__, (plain,), state
 
 
 class AvailableDiscrete(spaces.Discrete):
@@ -30,8 +38,8 @@ class AvailableDiscrete(spaces.Discrete):
             mask = self.mask
         return super().sample(mask, probability)
 
-    def __reduce__(self) -> tuple[type[spaces.Discrete], tuple[int]]:
-        return spaces.Discrete, (int(self.n),)  # a copy is not updated
+    def __reduce__(self) -> Copy:
+        return _copied_as(spaces.Discrete, self)
 
 
 def update_masks(
@@ -79,11 +87,22 @@ class AvailableTuple(_SamplesAvailable, spaces.Tuple):  # type: ignore[type-arg]
         if mask is None and probability is None:
             actions = self._available_actions()
             if actions is not None:
-                return tuple(actions[0].astype(np.int64))
+                return tuple(self._known(actions[0]).astype(np.int64))
         return super().sample(mask, probability)
 
-    def __reduce__(self) -> tuple[type[spaces.Space[Any]], tuple[Any]]:
-        return spaces.Tuple, (self.spaces,)  # a copy has no environments to ask
+    def _known(self, actions: NDArray[np.int32]) -> NDArray[np.int32]:
+        """Available actions that the spaces of the agents contain.
+
+        That of a healer has an action for each other ally, but the numbers of its actions count the healer
+        too: the published space lacks the last one.
+        """
+        sizes = [space.n for space in self.spaces if isinstance(space, spaces.Discrete)]
+        while (unknown := actions >= sizes).any():
+            actions = np.where(unknown, self._envs.sample_actions()[0], actions)
+        return actions
+
+    def __reduce__(self) -> Copy:
+        return _copied_as(spaces.Tuple, self)
 
 
 class AvailableMultiDiscrete(_SamplesAvailable, spaces.MultiDiscrete):
@@ -101,8 +120,8 @@ class AvailableMultiDiscrete(_SamplesAvailable, spaces.MultiDiscrete):
                 return actions[0].astype(self.dtype)
         return super().sample(mask, probability)
 
-    def __reduce__(self) -> tuple[type[spaces.MultiDiscrete], tuple[Any]]:
-        return spaces.MultiDiscrete, (self.nvec,)  # a copy has no environments to ask
+    def __reduce__(self) -> Copy:
+        return _copied_as(spaces.MultiDiscrete, self)
 
 
 class AvailableBox(_SamplesAvailable, spaces.Box):
@@ -118,8 +137,8 @@ class AvailableBox(_SamplesAvailable, spaces.Box):
         actions = self._available_actions()
         return super().sample(mask, probability) if actions is None else actions.astype(self.dtype)
 
-    def __reduce__(self) -> tuple[type[spaces.Box], tuple[Any, ...]]:
-        return spaces.Box, (self.low, self.high, self.shape, self.dtype)  # a copy has no environments to ask
+    def __reduce__(self) -> Copy:
+        return _copied_as(spaces.Box, self)
 
 
 def single_observation_space(envs: Envs) -> spaces.Dict:
