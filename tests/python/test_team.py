@@ -13,6 +13,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -437,6 +438,19 @@ def test_a_team_is_sent_to_other_processes() -> None:
         theirs = workers.apply(play_in_another_process, (team, 1))
     copied = copy.deepcopy(team)
     assert theirs == play_in_another_process(team, 1) == play_in_another_process(copied, 1)
+
+
+@pytest.mark.parametrize("make_copy", [copy.copy, copy.deepcopy])
+def test_a_copy_of_a_team_draws_by_a_generator_of_its_own(make_copy: Callable[[sp.Team], sp.Team]) -> None:
+    """One of `copy.copy` shared it, so that each changed what the other drew."""
+    team = sp.load_team("3m", seed=3)
+    with sp.make("3m", num_envs=4, **team.settings) as envs:
+        batch = envs.reset(seed=1)
+        team(batch)
+        copied = make_copy(team)
+        theirs = [copied(batch) for _ in range(9)]
+        np.testing.assert_array_equal(theirs, [team(batch) for _ in range(9)])
+    assert repr(copied) == repr(team) and copied.seed == 3
 
 
 def test_environments_say_what_to_use_instead_of_a_copy() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import secrets
 from collections.abc import Callable
 from os import PathLike, fspath
@@ -111,6 +112,11 @@ class Team:
         else:
             self._network = UnitsNetwork(tensors, units["obs"], units["targets"], hidden)
         self._obs_shape: tuple[int, int] = tuple(run["obs_shape"])
+
+    def __copy__(self) -> Team:
+        copied = type(self).__new__(type(self))
+        vars(copied).update(vars(self), _random=copy.deepcopy(self._random))
+        return copied
 
     def __repr__(self) -> str:
         side = ", plays the enemies" if self.side == "enemies" else ""
