@@ -55,6 +55,15 @@ def test_an_array_keeps_its_frame_and_no_longer() -> None:
         envs.recv()
 
 
+def test_a_string_is_no_list_of_names() -> None:
+    """It was read letter by letter: "a batch has no `o`"."""
+    with sp.make("3m", 1) as envs:
+        batch = envs.reset(seed=1)
+        with pytest.raises(TypeError, match=r'must be a list of strings, such as \["obs"\], got str'):
+            arrays(batch, "obs")
+        assert [*arrays(batch, ("obs", "reward"))] == ["obs", "reward"]
+
+
 def test_the_example_runs() -> None:
     text = smaclite_pool.integrations.jax.__doc__
     assert text is not None

@@ -31,6 +31,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from .._native import Batch
+from .._rollout import _names
 from ._extra import extra
 
 with extra("jax"):
@@ -50,4 +51,4 @@ def array(field: NDArray[Any]) -> jax.Array:
 
 def arrays(batch: Batch, names: Iterable[str] | None = None) -> dict[str, jax.Array]:
     """The fields of a batch by name, as arrays over the same memory; all of them unless `names` are given."""
-    return {name: array(getattr(batch, name)) for name in (batch.keys() if names is None else names)}
+    return {name: array(getattr(batch, name)) for name in (batch.keys() if names is None else _names(names))}

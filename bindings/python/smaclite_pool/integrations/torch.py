@@ -33,6 +33,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from .._native import Batch
+from .._rollout import _names
 from ..errors import InvalidRequest
 from ._extra import extra
 
@@ -59,7 +60,7 @@ def tensor(array: NDArray[Any]) -> ReadOnly:
 
 def tensors(batch: Batch, names: Iterable[str] | None = None) -> dict[str, ReadOnly]:
     """The fields of a batch by name, as tensors over the same memory; all, unless `names` are given."""
-    return {name: tensor(getattr(batch, name)) for name in (batch.keys() if names is None else names)}
+    return {name: tensor(getattr(batch, name)) for name in (batch.keys() if names is None else _names(names))}
 
 
 @contextmanager
