@@ -53,8 +53,8 @@ def check_one_side(envs: Envs) -> Envs:
     """The environments, if a script plays their enemies. Raises InvalidRequest if actions play them, too."""
     if envs.spec.sides == "both":
         raise InvalidRequest(
-            "sides must be 'allies' here, got 'both'; smaclite_pool.make and PettingZoo's "
-            "environment play both sides"
+            "sides must be 'allies' here, got 'both'; smaclite_pool.make, PettingZoo, RLlib, TorchRL and the "
+            "EnvPool API play both sides"
         )
     return envs
 

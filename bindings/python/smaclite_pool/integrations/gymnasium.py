@@ -291,6 +291,10 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
     def __repr__(self) -> str:
         return f"<BattleVectorEnv of {self._envs!r}>"
 
+    def __reduce_ex__(self, protocol: Any) -> Any:
+        # Here, as the end of a half-made or shallow copy would close the environments.
+        return self._envs.__reduce_ex__(protocol)  # raises TypeError and says what to use
+
     def close_extras(self, **kwargs: Any) -> None:
         """Close the environments and the window."""
         self._last = None
