@@ -178,11 +178,9 @@ def runner(worker: int, settings: dict[str, Any], seed: int | None = None, battl
 
 def first_states(made: Any, resets: int = 2) -> list[bytes]:
     """What the battles of a runner begin with, in each of its first episodes."""
-    episodes: list[Any] = [None] * made.num_envs
     states = []
-    for _ in range(resets):
-        made._reset_envs(episodes, {}, explore=True)
-        made._needs_initial_reset = False
+    for reset in range(resets):
+        made.env.reset(seed=None if reset else made._seed)  # as its `sample` does
         states += [env.unwrapped._battle.last.state.tobytes() for env in made.env.envs]
     made.stop()
     return states
@@ -214,7 +212,7 @@ def test_rllibs_own_seed_goes_before_that_of_the_environment() -> None:
     assert len(set(first)) == 6 and set(first_states(runner(1, {}, seed=9))).isdisjoint(first)
 
 
-def test_a_seed_that_is_none_is_named() -> None:
+def test_a_seed_that_is_no_integer_is_named() -> None:
     with pytest.raises(TypeError, match=re.escape("env_config['seed'] must be an integer, got str")):
         BattleMultiAgentEnv({"seed": "a"})
     with pytest.raises(sp.errors.InvalidRequest, match=re.escape("env_config['seed'] must not be negative")):
