@@ -7,7 +7,6 @@ import math
 import os
 import time
 from functools import cached_property
-from os import PathLike
 from typing import Any
 
 import numpy as np
@@ -103,7 +102,8 @@ class BattleViewer:
     """Pictures of one battle, and a window. The renderer and the window are made when first used.
 
     Args:
-        scenario: name of a standard scenario, or path of a scenario file.
+        of: the environments, whose options can make units others than the scenario's; or the name of a
+            standard scenario.
         width, height: size of pictures and of the window in pixels, each from 16 to 4096.
         mode: None or one of `RENDER_MODES`.
         speed: of the window, as in `Window`.
@@ -113,19 +113,19 @@ class BattleViewer:
 
     def __init__(
         self,
-        scenario: str | PathLike[str],
+        of: Envs | str,
         width: int,
         height: int,
         mode: str | None = None,
         speed: float | None = 1.0,
     ) -> None:
         check_render_mode(mode)
-        self._scenario, self._size, self._mode = scenario, (width, height), mode
-        self._window = Window(f"smaclite_pool: {scenario}", speed)
+        self._of, self._size, self._mode = of, (width, height), mode
+        self._window = Window(f"smaclite_pool: {of if isinstance(of, str) else of.spec.scenario}", speed)
 
     @cached_property
     def _renderer(self) -> Renderer:
-        return Renderer(self._scenario, *self._size)
+        return Renderer(self._of, *self._size)
 
     def picture(self, state: NDArray[np.float32]) -> Picture:
         """A picture, uint8 [height, width, 3], of a state, float32 [state_size]."""

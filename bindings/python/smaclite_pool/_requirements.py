@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import inspect
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from difflib import get_close_matches
 from functools import wraps
 from typing import Any, TypeVar, cast
@@ -78,3 +78,11 @@ def require_synchronous(envs: Envs | Wrapper, user: str, autoreset: str | None =
             f"{user} needs another autoreset mode: autoreset_mode must be {autoreset!r}, "
             f"got {spec.autoreset_mode!r} (`serve` with --autoreset-mode {autoreset})"
         )
+
+
+def require_names(name: str, value: Any) -> list[str]:
+    """A list of strings, as `make` reads its `fields`. A string is no list of its letters."""
+    names = [*value] if isinstance(value, Iterable) and not isinstance(value, str) else None
+    if names is None or not all(isinstance(each, str) for each in names):
+        raise TypeError(f'{name} must be a list of strings, such as ["obs"], got {type(value).__name__}')
+    return names

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ._requirements import require_integer, require_synchronous
+from ._requirements import require_integer, require_names, require_synchronous
 from .errors import InvalidRequest
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ class Rollout:
         require_synchronous(envs, "a rollout")
         self.steps = require_integer("steps", steps, 1)
         known = {**envs.spec.fields}
-        chosen = [*known] if fields is None else _names(fields)
+        chosen = [*known] if fields is None else require_names("fields", fields)
         for name in chosen:
             if name not in known:
                 raise InvalidRequest(f"fields must be among {', '.join(known)}, got {name!r}")
@@ -72,11 +72,3 @@ class Rollout:
             raise IndexError(f"row {t} of a rollout with rows 0 to {self.steps}")
         for name, array in self.arrays.items():
             array[t] = getattr(batch, name)
-
-
-def _names(fields: Any) -> list[str]:
-    """As `make` reads its `fields`. A string is no list of its letters."""
-    names = [*fields] if isinstance(fields, Iterable) and not isinstance(fields, str) else None
-    if names is None or not all(isinstance(name, str) for name in names):
-        raise TypeError(f'fields must be a list of strings, such as ["obs"], got {type(fields).__name__}')
-    return names

@@ -6,7 +6,6 @@ import inspect
 import operator
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from os import PathLike
 from typing import Any, Literal, TypeAlias, TypeVar
 
@@ -14,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._layout import Bounds, field_bounds
-from .._native import NO_OP, STOP, Batch, Envs, Renderer, check_settings, make
-from .._render import BattleViewer
+from .._native import NO_OP, STOP, Batch, Envs, check_settings, make
 from ..errors import InvalidRequest
 
 IllegalActions: TypeAlias = Literal["error", "stop"]
@@ -254,18 +252,6 @@ class TimeStep:
             enemies=enemies,
             shares=[share for name in shares for share in getattr(batch, name)[0].tolist()] or None,
         )
-
-
-class UnitsViewer(BattleViewer):
-    """Draws the units that an environment plays: options can make them others than the scenario's."""
-
-    def __init__(self, envs: Envs, width: int, height: int, mode: str | None, speed: float | None) -> None:
-        super().__init__(envs.spec.scenario, width, height, mode, speed)
-        self._envs = envs
-
-    @cached_property
-    def _renderer(self) -> Renderer:
-        return Renderer(self._envs, *self._size)
 
 
 class SingleBattle:

@@ -43,13 +43,13 @@ from .._native import Batch, Envs, Renderer, make, scenarios
 from .._render import (
     RENDER_FPS,
     RENDER_MODES,
+    BattleViewer,
     LaneViewer,
     Picture,
     check_render_mode,
     check_render_speed,
 )
-from .._requirements import require_synchronous
-from .._rollout import _names
+from .._requirements import require_names, require_synchronous
 from ..errors import InvalidRequest
 from ._common import (
     INFO_FIELDS,
@@ -58,7 +58,6 @@ from ._common import (
     IllegalActions,
     SingleBattle,
     TimeStep,
-    UnitsViewer,
     check_keywords,
     check_one_side,
     require_fields,
@@ -332,7 +331,7 @@ def make_vector(
     """
     check_keywords(make_vector, settings)
     if settings.get("fields") is not None and autoreset_mode in (AutoresetMode.SAME_STEP, "SameStep"):
-        fields = _names(settings["fields"])
+        fields = require_names("fields", settings["fields"])
         settings["fields"] = list(dict.fromkeys([*fields, *_final(fields)]))
     if max_episode_steps is not None:
         settings["episode_limit"] = max_episode_steps
@@ -392,7 +391,7 @@ class BattleEnv(CopiedByArguments, gymnasium.Env[Any, Any]):
         name = _one_of(scenario, map_file)
         self.render_mode = render_mode
         self._battle = SingleBattle(name, {"seed": seed, "episode_limit": episode_limit, **settings})
-        self._viewer = UnitsViewer(self._battle.envs, *self.picture_size, render_mode, render_speed)
+        self._viewer = BattleViewer(self._battle.envs, *self.picture_size, render_mode, render_speed)
         self._np_random, self._np_random_seed = seeding.np_random(self._battle.envs.spec.seed)
         self.observation_space, self.action_space = self._spaces(name, self._battle.envs)
 

@@ -31,7 +31,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from .._native import Batch
-from .._rollout import _names
+from .._requirements import require_names
 from ._extra import extra
 
 with extra("jax"):
@@ -51,4 +51,7 @@ def array(field: NDArray[Any]) -> jax.Array:
 
 def arrays(batch: Batch, names: Iterable[str] | None = None) -> dict[str, jax.Array]:
     """The fields of a batch by name, as arrays over the same memory; all of them unless `names` are given."""
-    return {name: array(getattr(batch, name)) for name in (batch.keys() if names is None else _names(names))}
+    return {
+        name: array(getattr(batch, name))
+        for name in (batch.keys() if names is None else require_names("names", names))
+    }

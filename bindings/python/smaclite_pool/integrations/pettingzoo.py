@@ -43,14 +43,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._layout import Bounds, field_bounds
-from .._render import RENDER_FPS, RENDER_MODES, check_render_mode, check_render_speed
+from .._render import RENDER_FPS, RENDER_MODES, BattleViewer, check_render_mode, check_render_speed
 from ..errors import InvalidRequest
 from ._common import (
     CopiedByArguments,
     IllegalActions,
     SingleBattle,
     TimeStep,
-    UnitsViewer,
     check_keywords,
     stop_unavailable,
     stops,
@@ -117,7 +116,7 @@ class parallel_env(CopiedByArguments, ParallelEnv[str, Observation, np.int64]):
         check_render_speed(render_speed)
         self._battle = SingleBattle(scenario, settings, both_sides=True, shares=own_rewards)
         envs = self._battle.envs
-        self._viewer = UnitsViewer(envs, *self.picture_size, render_mode, render_speed)
+        self._viewer = BattleViewer(envs, *self.picture_size, render_mode, render_speed)
         self.metadata = {
             "name": f"smaclite_pool_{envs.spec.scenario}",
             "render_modes": list(RENDER_MODES),

@@ -44,9 +44,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._layout import Bounds
-from .._render import RENDER_FPS, RENDER_MODES, check_render_mode, check_render_speed
+from .._render import RENDER_FPS, RENDER_MODES, BattleViewer, check_render_mode, check_render_speed
 from .._requirements import require_integer
-from ._common import SingleBattle, TimeStep, UnitsViewer
+from ._common import SingleBattle, TimeStep
 from ._extra import extra
 
 with extra("rllib"):
@@ -98,7 +98,7 @@ class BattleMultiAgentEnv(MultiAgentEnv):
         check_render_mode(self.render_mode)
         check_render_speed(speed)
         self._battle = SingleBattle(scenario, settings, both_sides=True)
-        self._viewer = UnitsViewer(self._battle.envs, *self.picture_size, self.render_mode, speed)
+        self._viewer = BattleViewer(self._battle.envs, *self.picture_size, self.render_mode, speed)
         agents, sizes = self._battle.agents, self._battle.sizes
         self._available_actions = {agent: AvailableDiscrete(n) for agent, (_, n) in sizes.items()}
         self.possible_agents, self.agents = list(agents), list(agents)

@@ -33,7 +33,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from .._native import Batch
-from .._rollout import _names
+from .._requirements import require_names
 from ..errors import InvalidRequest
 from ._extra import extra
 
@@ -60,7 +60,10 @@ def tensor(array: NDArray[Any]) -> ReadOnly:
 
 def tensors(batch: Batch, names: Iterable[str] | None = None) -> dict[str, ReadOnly]:
     """The fields of a batch by name, as tensors over the same memory; all, unless `names` are given."""
-    return {name: tensor(getattr(batch, name)) for name in (batch.keys() if names is None else _names(names))}
+    return {
+        name: tensor(getattr(batch, name))
+        for name in (batch.keys() if names is None else require_names("names", names))
+    }
 
 
 @contextmanager

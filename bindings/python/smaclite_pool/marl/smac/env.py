@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..._layout import Bools, Floats
 from ..._native import Recorder, scenario
-from ..._render import RENDER_MODES, BattleViewer
+from ..._render import RENDER_MODES, BattleViewer, check_render_speed
 from ..._requirements import require_integer
 from ...errors import InvalidRequest
 from ...integrations._common import SingleBattle, TimeStep
@@ -160,7 +160,7 @@ class MultiAgentEnv(Queries, Details):
         self.heuristic_ai, self.heuristic_rest, self.debug = heuristic_ai, heuristic_rest, debug
         self.replay_dir, self.replay_prefix = replay_dir or "", replay_prefix or ""
         self.window_size = (window_size_x, window_size_y)
-        self._viewer = BattleViewer(map_name, *self.window_size, speed=render_speed)
+        check_render_speed(render_speed)
         self._seed = secrets.randbits(32) if seed is None else require_integer("seed", seed, 0)
         settings = {
             "seed": self._seed,
@@ -170,6 +170,7 @@ class MultiAgentEnv(Queries, Details):
             "rewards": changed_rewards(rewards),
         }
         self._battle = SingleBattle(map_name, settings)
+        self._viewer = BattleViewer(self._battle.envs, *self.window_size, speed=render_speed)
         self._views = Views(
             self._battle.envs,
             ViewOptions(
