@@ -180,6 +180,11 @@ coverage $LLVM_PROFDATA_FLAGS="-failure-mode=all":
     cargo llvm-cov report --release --json --summary-only --output-path target/coverage.json
     python3 .ci/coverage.py target/coverage.json
 
+# Print which share of the Python package its tests run; what needs a framework that .venv lacks counts as not run
+coverage-python *args: install
+    {{ python }} -m pip install --quiet pytest-cov
+    {{ python }} -m pytest tests/python {{ in_processes }} --cov --cov-report=term {{ args }}
+
 # Check every interleaving of the hand-off between threads with loom
 loom $RUSTFLAGS="--cfg loom":
     cargo test --profile loom -p smaclite-pool --target-dir target/loom loom_tests
