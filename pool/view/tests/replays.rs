@@ -222,6 +222,47 @@ fn episodes_begin_in_the_state_of_a_snapshot() {
     smaclite_view::export_html(&copy).unwrap();
 }
 
+/// The published code's greatest return grows with every reset, so that an episode depends on those before it,
+/// and grows otherwise where an episode was left before its end.
+#[test]
+fn episodes_with_the_published_faults_are_reproduced_alone() {
+    let stalkers = r#""groups": [
+        {"x": 12, "y": 16, "faction": "ALLY", "units": {"STALKER": 2}},
+        {"x": 20, "y": 16, "faction": "ENEMY", "units": {"STALKER": 2}}]"#;
+    let drawn = r#""teams": {"distribution": "weighted_teams", "unit_types": ["STALKER", "ZEALOT"], "weights": [1, 1]},
+        "start_positions": {"distribution": "surrounded"}"#;
+    for (kind, units) in [("fixed", stalkers), ("generated", drawn)] {
+        let text = format!(
+            r#"{{"name": "a", "num_allied_units": 2, "num_enemy_units": 2, {units}, "attack_point": [12, 16],
+            "terrain_preset": "SIMPLE", "num_unit_types": 0, "ally_has_shields": true,
+            "enemy_has_shields": true, "episode_limit": 40, "smacv2": {{"published": true}}}}"#
+        );
+        let files = ScenarioFiles { source: kind.into(), text, unit_files: Vec::new() };
+        let mut recorder = Recorder::new(BattleSetup::new(files), 3).unwrap();
+        let mut actions = vec![0; 2];
+        for steps in [3, 1000, 5, 1000, 1000] {
+            for _ in 0..steps {
+                policy::nearest(recorder.battle(), &mut actions);
+                recorder.step(&actions).unwrap();
+                if recorder.battle().is_over() {
+                    break;
+                }
+            }
+            recorder.reset();
+        }
+        // As the player begins an episode without a state.
+        recorder.begin(StreamPosition { seed: 8, draws: 0 }, Opponent::default());
+        policy::nearest(recorder.battle(), &mut actions);
+        recorder.step(&actions).unwrap();
+        let replay = recorder.finish();
+        let copy = Replay::from_bytes(&replay.to_bytes().unwrap(), "f").unwrap();
+        assert_same_episodes(&copy, &replay);
+        copy.verify().unwrap_or_else(|error| panic!("{kind}: {error}"));
+        assert_eq!(copy.episodes().len(), 6, "{kind}");
+        assert!(copy.episodes()[1].outcome.terminated, "{kind}");
+    }
+}
+
 #[test]
 fn seeking_gives_the_moments_of_playing_through() {
     let (replay, moments) = record(setup("2s3z"), 2, 1);

@@ -49,7 +49,7 @@ pub struct Episode {
     pub start: StreamPosition,
     /// What plays the enemies.
     pub opponent: Opponent,
-    /// The state in which it begins; `None` if every unit is at its start, as after a reset.
+    /// The state in which it begins; `None` if it is that after the first reset of a battle.
     pub snapshot: Option<Box<Snapshot>>,
     /// The joint action of every step: `[steps, n_actors]`, row by row.
     pub actions: Vec<u16>,

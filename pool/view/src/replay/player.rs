@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 use smaclite_engine::{Battle, Scratch, Snapshot, Step, TICKS_PER_STEP, Units};
 
 use super::checksum::Checksum;
+use super::recorder::restart;
 use super::{Episode, Outcome, Replay, ReplayError};
 use crate::{Moment, Observer};
 
@@ -45,10 +46,7 @@ impl<'a> Player<'a> {
         let mut battle = Battle::new(replay.arena.clone(), start.seed);
         match snapshot {
             Some(snapshot) => battle.restore_checked(snapshot),
-            None => {
-                battle.set_generator((*start).into());
-                battle.reset_against(*opponent);
-            }
+            None => restart(&mut battle, *start, *opponent),
         }
         let observer = Observer::new(&replay.scenario, &battle);
         let first = observer.moment().clone();

@@ -12,8 +12,9 @@ use super::{Episode, Outcome, Replay, ReplayError, this_program};
 /// A battle that is recorded: it is stepped and reset like a [`Battle`].
 ///
 /// It notes seeds and actions, not states: a replay has a few kilobytes per episode, and whoever reads it
-/// plays the battle again. Environments of a pool record themselves (`record` of a lane, or Python's
-/// `Recorder`).
+/// plays the battle again. With the published faults of SMACv2's interface the second episode and later ones
+/// depend on those before them, and begin with their state instead. Environments of a pool record themselves
+/// (`record` of a lane, or Python's `Recorder`).
 ///
 /// # Example
 ///
@@ -122,13 +123,17 @@ impl Recorder {
         self.end_episode();
         self.battle.reset();
         self.start = self.battle.start();
+        // With the published faults an episode depends on those before it, which a player does not play.
+        if self.scenario().smacv2.as_ref().is_some_and(|options| options.published) {
+            self.note_snapshot(self.battle.save());
+        }
     }
 
-    /// Ends the episode and begins one with the generator at that position, against this opponent.
+    /// Ends the episode and begins one with the generator at that position, against this opponent. Nothing is
+    /// left of earlier episodes, also with the published faults of SMACv2's interface.
     pub fn begin(&mut self, start: StreamPosition, opponent: Opponent) {
         self.end_episode();
-        self.battle.set_generator(start.into());
-        self.battle.reset_against(opponent);
+        restart(&mut self.battle, start, opponent);
         self.start = start;
     }
 
@@ -140,9 +145,14 @@ impl Recorder {
         snapshot.check(&self.replay.arena)?;
         self.end_episode();
         self.battle.restore_checked(snapshot);
-        self.start = snapshot.generator.position();
-        self.snapshot = Some(Box::new(snapshot.clone()));
+        self.note_snapshot(snapshot.clone());
         Ok(())
+    }
+
+    /// Lets the episode begin in a state, which the battle has now.
+    fn note_snapshot(&mut self, snapshot: Snapshot) {
+        self.start = snapshot.generator.position();
+        self.snapshot = Some(Box::new(snapshot));
     }
 
     /// The joint actions of this episode so far: `[steps, n_actors]`, row by row.
@@ -188,6 +198,13 @@ impl Recorder {
         self.step_checksums.clear();
         (self.snapshot, self.checksum, self.outcome) = Default::default();
     }
+}
+
+/// Begins the first episode of a battle whose generator is at that position, against this opponent.
+pub(super) fn restart(battle: &mut Battle, start: StreamPosition, opponent: Opponent) {
+    battle.set_generator(start.into());
+    battle.forget_episodes();
+    battle.reset_against(opponent);
 }
 
 impl Outcome {
