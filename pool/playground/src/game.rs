@@ -127,9 +127,9 @@ impl Game {
         if unit >= n_units {
             return Err(GameError::Unit { unit, n_units });
         }
-        // A unit alone in its group starts at the place of the group.
+        // A unit alone in its group starts at the place of the group under all rules.
         let group = |(id, placed): (usize, &Placement)| {
-            let [x, y] = if id == unit { [x, y] } else { placed.position };
+            let [x, y] = if id == unit { [x, y] } else { self.arena.start(id) };
             let name = unit_types[placed.unit_type].name.as_str();
             // A unit file is called as the scenario file calls it, which may be by a path.
             let file = self.own.files.unit_files.iter().find(|file| file.name == name);

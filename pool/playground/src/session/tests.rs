@@ -3,7 +3,7 @@
 use super::*;
 use safetensors::{Dtype, tensor::TensorView};
 use serde_json::json;
-use smaclite_engine::{BattleSetup, Sizes};
+use smaclite_engine::{Arena, BattleSetup, Sizes};
 use smaclite_scenarios::{Placement, ScenarioFiles};
 
 mod files;
@@ -355,25 +355,26 @@ fn what_is_probably_a_mistake_on_a_painted_map_is_a_warning() {
 #[test]
 fn a_unit_that_is_moved_starts_elsewhere_and_no_other() {
     let mut session = Session::default();
-    let places = |text: &str| -> Vec<_> {
+    let starts = |text: &str, rules: Rules| -> Vec<_> {
         let files = ScenarioFiles { source: "a".into(), text: text.into(), unit_files: Vec::new() };
         let scenario = files.scenario().unwrap();
+        let arena = Arena::new(&scenario, rules);
         let name = |unit: &Placement| scenario.unit_types[unit.unit_type].name.clone();
-        scenario
-            .units
-            .iter()
-            .map(|unit| (name(unit), unit.faction, unit.position.map(|x| x as f32)))
-            .collect()
+        let units = scenario.units.iter().enumerate();
+        units.map(|(id, unit)| (name(unit), unit.faction, arena.start(id))).collect()
     };
-    for scenario in ["2s3z", "MMM2", "corridor"] {
-        ask(&mut session, begin(scenario, "nearest", &[], &[]));
-        let before = places(&ScenarioFiles::resolve(scenario).unwrap().1.text);
-        let moved = ask(&mut session, json!({"type": "move_unit", "unit": 1, "x": 3.25, "y": 20.5}));
+    let all = Rules::ALL.iter().flat_map(|rules| ["2s3z", "MMM2", "corridor"].map(|name| (name, *rules)));
+    for (scenario, rules) in all {
+        let mut of = begin(scenario, "nearest", &[], &[]);
+        of["of"]["rules"] = json!(rules.to_string());
+        ask(&mut session, of.clone());
+        let mut expected = starts(&ScenarioFiles::resolve(scenario).unwrap().1.text, rules);
+        let moved = ask(&mut session, json!({"type": "move_unit", "unit": 1, "x": 15.25, "y": 20.5}));
         let text = moved["scenario"].as_str().unwrap();
-        let mut expected = before.clone();
-        expected[1].2 = [3.25, 20.5];
-        assert_eq!(places(text), expected);
-        assert_eq!(ask(&mut session, begin(text, "nearest", &[], &[]))["scenario"]["name"], scenario);
+        expected[1].2 = [15.25, 20.5];
+        assert_eq!(starts(text, rules), expected, "{scenario}, {rules}");
+        of["of"]["scenario"] = json!(text);
+        assert_eq!(ask(&mut session, of)["scenario"]["name"], scenario);
     }
     let refused = [
         ("2s3z", json!({"type": "move_unit", "unit": 10, "x": 3, "y": 3}), "unit must be below 10, got 10"),
