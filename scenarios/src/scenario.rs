@@ -140,7 +140,10 @@ impl Scenario {
         let sides = [self.terrain.width(), self.terrain.height()].map(f64::from);
         let turn = |[x, y]: [f64; 2]| [sides[0] - x, sides[1] - y];
         let mut turned = Scenario { terrain: self.terrain.turned(), ..self.clone() };
-        turned.units.iter_mut().for_each(|unit| unit.position = turn(unit.position));
+        for unit in &mut turned.units {
+            (unit.position, unit.centre) = (turn(unit.position), turn(unit.centre));
+        }
+        turned.heights.iter_mut().for_each(|heights| heights.reverse());
         turned.attack_point = turn(self.attack_point);
         if let Some(Destination::Line(ends)) = &mut turned.march_to {
             *ends = ends.map(turn);

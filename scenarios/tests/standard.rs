@@ -300,12 +300,15 @@ fn sides_are_exchanged_and_maps_turned() {
         assert_eq!(turned.turned().terrain, scenario.terrain, "{name}");
         let [x, y] = scenario.units[0].position;
         assert_eq!(turned.units[0].position, [32.0 - x, 32.0 - y]);
+        let [x, y] = scenario.units[0].centre;
+        assert_eq!(turned.units[0].centre, [32.0 - x, 32.0 - y]);
         let corner = |scenario: &Scenario, x, y| scenario.terrain.is_walkable(x, y);
         assert!((0..32).all(|i| corner(&turned, i, 3) == corner(&scenario, 31 - i, 28)), "{name}");
     }
 }
 
-/// The sides of these are images of each other, unit by unit, so a team can play either. Those of
+/// The sides of these are images of each other, unit by unit, so a team can play either; rules `starcraft`
+/// start units elsewhere. Those of
 /// bane_vs_bane are too, but its banelings have the last numbers on one side and the first on the other.
 #[test]
 fn symmetric_scenarios_are_their_own_mirror_images() {

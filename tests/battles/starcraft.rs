@@ -7,7 +7,7 @@ use std::sync::Arc;
 use glam::Vec2;
 use smaclite_engine::policy::Random;
 use smaclite_engine::{Arena, Battle, ExecutionOrder, Rules, Scratch, Snapshot, Units, action};
-use smaclite_scenarios::{Placement, Scenario};
+use smaclite_scenarios::{Faction, Placement, Scenario};
 use smaclite_units::{Plane, UnitType};
 
 const STOP: i32 = action::STOP as i32;
@@ -332,4 +332,40 @@ fn other_rules_take_no_notice_of_the_keys_of_starcraft() {
         assert_eq!(end(keys, rules), end("", rules));
     }
     assert_ne!(end(keys, Rules::Starcraft), end("", Rules::Starcraft));
+}
+
+/// Pairs of units of one number, of which one starts where the other does after half a turn of the map.
+fn images(scenario: &Scenario, rules: Rules) -> usize {
+    let arena = Arena::new(scenario, rules);
+    let sides = [scenario.terrain.width(), scenario.terrain.height()].map(f64::from);
+    let starts = |side: Faction| {
+        let units = scenario.units.iter().enumerate().filter(move |(_, unit)| unit.faction == side);
+        units.map(|(id, unit)| (unit.unit_type, arena.start(id))).collect::<Vec<_>>()
+    };
+    let (agents, enemies) = (starts(Faction::Ally), starts(Faction::Enemy));
+    let is_image = |((a, at), (b, image)): &(&(usize, [f64; 2]), &(usize, [f64; 2]))| {
+        a == b && (0..2).all(|axis| (at[axis] + image[axis] - sides[axis]).abs() < 1e-5)
+    };
+    agents.iter().zip(&enemies).filter(is_image).count()
+}
+
+/// The mirror of both sides is half a turn. As in the game, it maps agents to enemies under no rules but the
+/// first two, which the documentation says of these maps.
+#[test]
+fn enemies_start_as_agents_do_and_not_as_their_images() {
+    for name in ["1c3s5z", "25m", "2s3z", "3m", "3s5z", "8m", "MMM"] {
+        let scenario = Scenario::standard(name).unwrap();
+        let counts = Rules::ALL.map(|rules| images(&scenario, rules));
+        let n_agents = scenario.n_agents();
+        assert_eq!(counts[..2], [n_agents; 2], "{name}");
+        assert!(counts[2] < n_agents, "{name}: {} of {n_agents}", counts[2]);
+        // Where agents stood, enemies of the exchanged and turned battle stand: a team plays them as agents.
+        let other = scenario.exchanged().turned();
+        let [here, there] = [&scenario, &other].map(|scenario| Arena::new(scenario, Rules::Starcraft));
+        let agents = |scenario: &Scenario, arena: &Arena| -> Vec<_> {
+            let units = scenario.units.iter().enumerate();
+            units.filter(|(_, unit)| unit.faction == Faction::Ally).map(|(id, _)| arena.start(id)).collect()
+        };
+        assert_eq!(agents(&scenario, &here), agents(&other, &there), "{name}");
+    }
 }

@@ -22,7 +22,8 @@ pub enum Sides {
 pub struct EnemySide {
     /// What they see and do is reflected at the centre of the map: north is south, and east is west. So what
     /// plays the agents of a symmetric scenario can play its enemies. Half a turn is what maps agents to
-    /// enemies: formations are placed so, and collision avoidance has no other symmetry.
+    /// enemies: formations are placed so, but for rules `starcraft`, and collision avoidance has no other
+    /// symmetry.
     pub mirror: bool,
     /// The reward of each side is what it earns less what the other side earns.
     pub zero_sum: bool,
