@@ -57,7 +57,7 @@ enum SessionError {
     Base64(base64::DecodeError),
     #[error(transparent)]
     Replay(#[from] ReplayError),
-    #[error("the replay `{0}` has no episode")]
+    #[error("the replay `{0}` has no episodes")]
     NoEpisode(String),
     #[error("begin a battle first")]
     NoBattle,

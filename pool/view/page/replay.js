@@ -25,7 +25,6 @@ class ReplayPage extends BattlePlayer {
   async start() {
     const { info } = this;
     byId("name").textContent = info.name;
-    if (!this.data.episodes.length) throw new Error("it has no episodes");
     this.listEpisodes();
     this.listen();
     const counts = { episodes: this.data.episodes.length, units: info.units.length, speeds: SPEEDS },

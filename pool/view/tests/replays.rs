@@ -178,6 +178,17 @@ fn episodes_start_anywhere_in_the_stream_of_a_seed() {
     assert_eq!(recorder.finish().episodes(), std::slice::from_ref(second));
 }
 
+/// A page without an episode was written, and said only in the browser that it could not be shown.
+#[test]
+fn a_replay_without_an_episode_is_neither_played_nor_shown() {
+    let replay = Recorder::new(setup("3m"), 1).unwrap().finish();
+    let copy = Replay::from_bytes(&replay.to_bytes().unwrap(), "f").unwrap();
+    let played = copy.play(0).map(|_| ()).map_err(|error| error.to_string());
+    let page = smaclite_view::export_html(&copy).map(|_| ()).map_err(|error| error.to_string());
+    let expected = Err("the replay has no episodes".to_owned());
+    assert_eq!((played, page), (expected.clone(), expected));
+}
+
 /// A battle that was restored or forked begins where it was put.
 #[test]
 fn episodes_begin_in_the_state_of_a_snapshot() {

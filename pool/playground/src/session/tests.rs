@@ -134,7 +134,7 @@ fn a_replay_without_an_episode_is_refused() {
     let mut replay: Value = serde_json::from_str(file["replay"].as_str().unwrap()).unwrap();
     replay["episodes"] = json!([]);
     open["replay"] = json!(replay.to_string());
-    assert_eq!(ask(&mut session, open), "the replay `a` has no episode");
+    assert_eq!(ask(&mut session, open), "the replay `a` has no episodes");
     let of = json!({"kind": "episode", "episode": 0});
     let begin = json!({"type": "begin_battle", "of": of, "team": "nearest", "actions": [], "taken": []});
     assert_eq!(ask(&mut session, begin)["type"], "begin_battle");

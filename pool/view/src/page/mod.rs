@@ -74,6 +74,9 @@ const PLAYER_PARTS: [(&str, &str); 3] = [
 /// As [`Replay::verify`].
 pub fn export_html(replay: &Replay) -> Result<String, ReplayError> {
     let n_episodes = replay.episodes().len();
+    if n_episodes == 0 {
+        return Err(ReplayError::NoEpisodes);
+    }
     let episodes =
         (0..n_episodes).map(|episode| data::episode(replay, episode)).collect::<Result<Vec<_>, _>>()?;
     let scenario = replay.scenario();

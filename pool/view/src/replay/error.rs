@@ -61,6 +61,9 @@ pub enum ReplayError {
     /// The scenario in the replay cannot be read.
     #[error("scenario of the replay: {0}")]
     Scenario(#[from] Problems),
+    /// It has no episode that could be played or shown.
+    #[error("the replay has no episodes")]
+    NoEpisodes,
     /// There is no such episode.
     #[error("episode must be below {n_episodes}, the number of episodes of the replay, got {episode}")]
     NoSuchEpisode {
