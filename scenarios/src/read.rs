@@ -1,7 +1,7 @@
 //! The reader of scenario files: the values of the keys, and the dependencies between them. `keys` declares
 //! the keys.
 
-use crate::generation::{read_generated, sample};
+use crate::generation::{lists_of, read_generated, sample};
 use crate::groups::Roster;
 use crate::terrain::ON_ANY_MAP;
 use crate::unit_files::{Origin, UnitFiles, UnitSource};
@@ -83,6 +83,7 @@ impl Scenario {
             rewards: rewards?,
             heights: heights?,
         };
+        check_fighters(&file, &scenario)?;
         if scenario.generation.is_some() {
             let units = sample(&file, &scenario, counts)?;
             // The units of groups stay as they are, whatever positions are drawn for them.
@@ -117,6 +118,31 @@ fn check_counts(file: &Object, roster: Option<&Roster>) -> Result<[usize; 2], Re
         return Err(file.require(&keys::NUM_ENEMY_UNITS)?.conflict(&total));
     }
     Ok([allies, enemies])
+}
+
+/// With SMACv2's interface a side of healers alone has lost: a battle that always has one would be over
+/// before its first step.
+fn check_fighters(file: &Object, scenario: &Scenario) -> Result<(), Reported> {
+    if scenario.smacv2.is_none() {
+        return Ok(());
+    }
+    let is_healer = |unit_type: usize| scenario.unit_types[unit_type].is_healer();
+    let conflict = |node: &Node, side: &str| {
+        let why = "which have lost with `smacv2`; add a unit that fights";
+        Err(node.conflict(&format!("gives {side} healers alone, {why}")))
+    };
+    if let (Some(node), Some(generation)) = (file.get(&keys::TEAMS), &scenario.generation) {
+        let lists = lists_of(&node, &generation.teams)?;
+        let helpless = lists.iter().find(|(_, types)| types.iter().all(|unit_type| is_healer(*unit_type)));
+        return helpless.map_or(Ok(()), |(list, _)| conflict(list, "both sides"));
+    }
+    for (side, name) in [(Faction::Ally, "the agents"), (Faction::Enemy, "the enemies")] {
+        let mut units = scenario.units.iter().filter(|unit| unit.faction == side);
+        if units.all(|unit| is_healer(unit.unit_type)) {
+            return conflict(&file.require(&keys::GROUPS)?, name);
+        }
+    }
+    Ok(())
 }
 
 /// Refuses the page of a replay.
@@ -197,7 +223,7 @@ fn march_to(node: &Node, map: Option<&Terrain>) -> Result<Destination, Reported>
         return Ok(Destination::Agents);
     }
     let refused = || node.invalid(keys::MARCH_TO.kind.expected);
-    let items = if node.as_str().is_none() { node.items()? } else { return Err(refused()) };
+    let items = if node.is_list() { node.items()? } else { return Err(refused()) };
     let [from, to] = items.as_slice() else { return Err(refused()) };
     let (from, to) = (point(from, map), point(to, map));
     Ok(Destination::Line([from?, to?]))

@@ -1,6 +1,7 @@
 //! What is allowed in a scenario, and most probably a mistake. Published scenarios may do it, so that these
 //! are warnings and no problems, and no rule of a battle depends on them.
 
+use crate::generation::lists_of;
 use crate::groups::with_article;
 use crate::keys::{self, GROUP_KEYS};
 use crate::{Faction, Placement, Scenario, ScenarioFiles, Terrain};
@@ -13,9 +14,9 @@ impl ScenarioFiles {
     ///
     /// - ground units that start on blocked squares, which they may never leave;
     /// - agents and enemies, all of them ground units, that no path connects;
-    /// - agents that attack, but none of the enemies.
+    /// - agents that attack, but none of the enemies, also of teams that are drawn.
     ///
-    /// An invalid scenario has none.
+    /// An invalid scenario has none. Where start positions are drawn, nothing is said of those of groups.
     ///
     /// ```
     /// use smaclite_scenarios::ScenarioFiles;
@@ -30,9 +31,12 @@ impl ScenarioFiles {
         if let (Ok(scenario), Ok(document)) =
             (self.scenario(), Document::parse(&self.text, &self.source, &report))
         {
-            let entries = document.root().entries().unwrap_or_default();
-            if let Some((_, groups)) = entries.iter().find(|(key, _)| *key == keys::GROUPS.name) {
-                warn(&scenario, groups);
+            for (key, node) in document.root().entries().unwrap_or_default() {
+                match key {
+                    _ if key == keys::GROUPS.name => warn(&scenario, &node),
+                    _ if key == keys::TEAMS.name => warn_of_teams(&scenario, &node),
+                    _ => {}
+                }
             }
         }
         report.finish(Ok(())).err().map_or_else(Vec::new, |found| found.list().to_vec())
@@ -42,6 +46,10 @@ impl ScenarioFiles {
 /// Adds the warnings to the report of `groups`, the groups of a valid scenario.
 fn warn(scenario: &Scenario, groups: &Node) {
     let mut rest = &scenario.units[..];
+    let enemies = || {
+        let units = scenario.units.iter().filter(|unit| unit.faction == Faction::Enemy);
+        units.map(|unit| unit.unit_type)
+    };
     let mut warned = BTreeSet::new(); // types without targets, of which the first entry is enough
     for group in groups.items().unwrap_or_default() {
         let Ok(units) = group.object(&GROUP_KEYS).and_then(|group| group.require(&keys::UNITS)) else {
@@ -50,19 +58,42 @@ fn warn(scenario: &Scenario, groups: &Node) {
         let mut of_group = 0;
         for (_, entry) in units.entries().unwrap_or_default() {
             let Some(first) = rest.get(of_group) else { return };
-            if has_no_target(scenario, first) && warned.insert(first.unit_type) {
-                entry.wrong_key("can attack none of the enemies: its `valid_targets` lack their planes");
+            let is_agent = first.faction == Faction::Ally;
+            if is_agent
+                && has_no_target(scenario, first.unit_type, enemies())
+                && warned.insert(first.unit_type)
+            {
+                entry.wrong_key(&format!("can {NO_TARGET}"));
             }
             of_group += entry.integer(1, crate::MAX_UNITS).map_or(0, |n| n as usize);
         }
         let (here, others) = rest.split_at(of_group.min(rest.len()));
-        warn_of_blocked_squares(scenario, &group, here);
+        if scenario.generation.is_none() {
+            warn_of_blocked_squares(scenario, &group, here);
+        }
         rest = others;
     }
-    if are_separated(scenario) {
+    if scenario.generation.is_none() && are_separated(scenario) {
         groups.conflict("are separated by walls: no path connects the agents with the enemies");
     }
 }
+
+/// Adds the warnings to the report of `teams`, the teams of a valid scenario: types without targets, each once.
+fn warn_of_teams(scenario: &Scenario, node: &Node) {
+    let Some(generation) = &scenario.generation else { return };
+    let mut warned = BTreeSet::new();
+    for (list, types) in lists_of(node, &generation.teams).unwrap_or_default() {
+        for (entry, unit_type) in list.items().unwrap_or_default().iter().zip(types) {
+            if has_no_target(scenario, *unit_type, types.iter().copied()) && warned.insert(*unit_type) {
+                let name = with_article(&scenario.unit_types[*unit_type].name);
+                entry.wrong_key(&format!("is {name}, which can {NO_TARGET}"));
+            }
+        }
+    }
+}
+
+/// What agents are told of that attack, but none of the enemies.
+const NO_TARGET: &str = "attack none of the enemies: its `valid_targets` lack their planes";
 
 fn warn_of_blocked_squares(scenario: &Scenario, group: &Node, units: &[Placement]) {
     let is_blocked = |unit: &&Placement| {
@@ -77,18 +108,16 @@ fn warn_of_blocked_squares(scenario: &Scenario, group: &Node, units: &[Placement
         n => format!(", and {n} more"),
     };
     group.conflict(&format!(
-        "puts {} at ({x}, {y}), on a blocked square that it may never leave{others}",
+        "puts {} at ({x}, {y}), on a blocked square that it may never leave{others}; rules `starcraft` choose \
+         free squares",
         with_article(name)
     ));
 }
 
-/// Whether this is an agent that attacks, but none of the enemies.
-fn has_no_target(scenario: &Scenario, unit: &Placement) -> bool {
-    let unit_type = &scenario.unit_types[unit.unit_type];
-    let mut enemies = scenario.units.iter().filter(|unit| unit.faction == Faction::Enemy);
-    unit.faction == Faction::Ally
-        && !unit_type.is_healer()
-        && !enemies.any(|enemy| unit_type.can_attack(scenario.unit_types[enemy.unit_type].plane))
+/// Whether a type attacks, but none of the types of enemies.
+fn has_no_target(scenario: &Scenario, unit_type: usize, mut enemies: impl Iterator<Item = usize>) -> bool {
+    let unit_type = &scenario.unit_types[unit_type];
+    !unit_type.is_healer() && !enemies.any(|enemy| unit_type.can_attack(scenario.unit_types[enemy].plane))
 }
 
 /// Whether walls lie between all agents and all enemies. Units that are on blocked squares do not count, and

@@ -355,12 +355,16 @@ fn what_is_probably_a_mistake_is_a_warning() {
     };
     let one = ("num_enemy_units", "1");
     let walled = groups(r#""x":9,"y":30 "ZEALOT":1"#, r#""x":23,"y":16 "ZEALOT":1"#);
-    let in_wall = "`groups[0]` puts a ZEALOT at (9, 30), on a blocked square that it may never leave";
+    let in_wall = "`groups[0]` puts a ZEALOT at (9, 30), on a blocked square that it may never leave; rules \
+                   `starcraft` choose free squares";
     check(&[("groups", &walled), one], &[in_wall]);
+    // No battle begins there.
+    let drawn = ("start_positions", r#"{"distribution": "surrounded"}"#);
+    check(&[("groups", &walled), one, drawn], &[]);
     let three = groups(r#""x":9,"y":30 "ZEALOT":3"#, r#""x":23,"y":16 "ZEALOT":1"#);
     let [allies, more] = [("num_allied_units", "3"), ("groups", three.as_str())];
     let warnings = texts(&[allies, more, one], Vec::new()).warnings();
-    assert!(warnings[0].message.ends_with("never leave, and 2 more"), "{warnings:?}");
+    assert!(warnings[0].message.contains("never leave, and 2 more; rules"), "{warnings:?}");
     // What flies may start on walls, and reaches everything.
     let flying = groups(r#""x":9,"y":30 "MEDIVAC":1"#, r#""x":23,"y":30 "MEDIVAC":1"#);
     check(&[("groups", &flying), one], &[]);
@@ -390,6 +394,61 @@ fn what_is_probably_a_mistake_is_a_warning() {
     let no_target =
         "`groups[0].units.ZEALOT` can attack none of the enemies: its `valid_targets` lack their planes";
     check(&[("num_allied_units", "2"), ("groups", &helpless), one], &[no_target]);
+}
+
+/// Only agents of groups were looked at.
+#[test]
+fn drawn_agents_that_can_attack_none_of_the_enemies_are_a_warning() {
+    // It flies, and shoots at what is on the ground.
+    let unit = SCOUT.replace("\"valid_targets\": []", r#""plane": "AIR", "valid_targets": ["GROUND"]"#);
+    let bomber = || vec![UnitFile { name: "bomber".into(), keys: vec!["bomber".into()], text: unit.clone() }];
+    let starts = ("start_positions", r#"{"distribution": "surrounded"}"#);
+    let warnings = |teams: &str| -> Vec<String> {
+        let changes = [("groups", ""), ("teams", teams), starts, ("num_enemy_units", "1")];
+        let files = texts(&changes, bomber());
+        files.scenario().expect("a valid scenario");
+        files.warnings().into_iter().map(|warning| warning.message).collect()
+    };
+    let message = |key: &str| {
+        let why = "which can attack none of the enemies: its `valid_targets` lack their planes";
+        vec![format!("`teams.{key}` is a bomber, {why}")]
+    };
+    let all = r#"{"distribution": "all_teams", "unit_types": ["MEDIVAC", "bomber"]}"#;
+    assert_eq!(warnings(all), message("unit_types[1]"));
+    let fixed = r#"{"distribution": "fixed", "teams": [["MARINE"], ["bomber"], ["bomber"]]}"#;
+    assert_eq!(warnings(fixed), message("teams[1][0]"));
+    assert_eq!(warnings(&all.replace("MEDIVAC", "MARINE")), Vec::<String>::new());
+}
+
+/// Such a battle was over before its first step, and a recording of it was empty.
+#[test]
+fn sides_of_healers_alone_are_refused_with_the_interface_of_smacv2() {
+    let [medivac, marine] = ["MEDIVAC", "MARINE"].map(|name| format!("\"units\": {{\"{name}\": 1}}"));
+    let groups = |allies: &str, enemies: &str| {
+        format!(
+            r#"[{{"x": 9, "y": 16, "faction": "ALLY", {allies}}}, {{"x": 23, "y": 16, "faction": "ENEMY", {enemies}}}]"#
+        )
+    };
+    let refused = |changes: &[(&str, &str)], smacv2| {
+        let one = [("num_enemy_units", "1"), ("smacv2", smacv2)];
+        read(&[&one, changes].concat()).map_or_else(|problems| problems, |_| String::new())
+    };
+    let why = "healers alone, which have lost with `smacv2`; add a unit that fights";
+    for (allies, enemies, side) in [(&medivac, &marine, "the agents"), (&marine, &medivac, "the enemies")] {
+        let groups = groups(allies, enemies);
+        assert_eq!(refused(&[("groups", &groups)], "{}"), format!("`groups` gives {side} {why}"));
+        assert_eq!(refused(&[("groups", &groups)], ""), "");
+    }
+    let starts = ("start_positions", r#"{"distribution": "surrounded"}"#);
+    let drawn = |teams: &str| refused(&[("groups", ""), ("teams", teams), starts], "{}");
+    let weighted = r#"{"distribution": "weighted_teams", "unit_types": ["MEDIVAC"], "weights": [1]}"#;
+    assert_eq!(drawn(weighted), format!("`teams.unit_types` gives both sides {why}"));
+    let all = r#"{"distribution": "all_teams", "unit_types": ["MEDIVAC"]}"#;
+    assert_eq!(drawn(all), format!("`teams.unit_types` gives both sides {why}"));
+    let fixed = r#"{"distribution": "fixed", "teams": [["MARINE"], ["MEDIVAC"]]}"#;
+    assert_eq!(drawn(fixed), format!("`teams.teams[1]` gives both sides {why}"));
+    assert_eq!(drawn(r#"{"distribution": "fixed", "teams": [["MARINE"], ["ZEALOT"]]}"#), "");
+    assert_eq!(drawn(&all.replace("[\"MEDIVAC\"", "[\"MEDIVAC\", \"MARINE\"")), "");
 }
 
 #[test]

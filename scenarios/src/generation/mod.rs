@@ -6,7 +6,7 @@ mod place;
 mod read;
 
 pub use drawer::Drawer;
-pub(crate) use read::{read_generated, sample};
+pub(crate) use read::{lists_of, read_generated, sample};
 
 /// What is drawn at each reset.
 #[derive(Clone, Debug, PartialEq)]

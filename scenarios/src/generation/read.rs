@@ -129,6 +129,25 @@ fn read_teams<'a>(
     }
 }
 
+/// The lists of types of valid `teams`, and the types: one list of which both sides are drawn, or one for
+/// each team.
+pub(crate) fn lists_of<'a, 'b>(
+    node: &Node<'a>,
+    teams: &'b Teams,
+) -> Result<Vec<(Node<'a>, &'b [usize])>, Reported> {
+    let object = node.object(&TEAMS_KEYS)?;
+    Ok(match teams {
+        Teams::OfGroups => Vec::new(),
+        Teams::Weighted { types, .. } | Teams::All { types, .. } => {
+            vec![(object.require(&keys::UNIT_TYPES)?, types)]
+        }
+        Teams::Fixed { teams } => {
+            let lists = object.require(&keys::TEAMS_LIST)?.items()?;
+            lists.into_iter().zip(teams.iter().map(Vec::as_slice)).collect()
+        }
+    })
+}
+
 /// Every other key of the object than `distribution` must be one that the distribution has.
 fn check_used(node: &Node, used: &[&str]) -> Result<(), Reported> {
     for (key, entry) in node.entries()? {
