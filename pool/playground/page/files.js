@@ -4,7 +4,7 @@
 
 import { byId } from "#view/dom.js";
 import { through } from "./link.js";
-import { nameOf } from "./scenario.js";
+import { nameOf, textOfBytes, textOfFile } from "./scenario.js";
 
 /** @import { TextFile } from "./protocol.d.ts" */
 /**
@@ -131,14 +131,14 @@ export async function openFiles(files, openers) {
   const runs = first.filter(({ file }) => file.name === "run.json"),
     weights = first.filter(({ path }) => path.endsWith(".safetensors"));
   if (runs.length > 1) throw new Error("these are several teams; open the folder of one");
-  if (runs.length) return openTeam(await runs[0].file.text(), weights, openers);
+  if (runs.length) return openTeam(await textOfFile(runs[0].file), weights, openers);
   if (weights.length) throw new Error(`open the run.json of the team together with ${weights[0].file.name}`);
   const texts = readable.filter(({ path }) => path.endsWith(".json"));
   if (!texts.length)
     throw new Error(
       "open a replay (.smreplay), a scenario (.json) and its unit files, or run.json and weights of a team",
     );
-  const read = texts.map(async ({ file }) => ({ name: file.name, text: await file.text() }));
+  const read = texts.map(async ({ file }) => ({ name: file.name, text: await textOfFile(file) }));
   return openers.scenario(await Promise.all(read));
 }
 
@@ -184,10 +184,9 @@ const bytesOfFile = async (file) => new Uint8Array(await file.arrayBuffer());
 export async function textOf(name, bytes) {
   if (bytes[0] !== 0x1f || bytes[1] !== 0x8b)
     throw new Error(`${name} is not a replay: it must be JSON compressed by gzip`);
-  try {
-    return new TextDecoder().decode(await through(bytes, new DecompressionStream("gzip")));
-  } catch (cause) {
+  const text = through(bytes, new DecompressionStream("gzip")).catch((cause) => {
     // What the browser says names neither the file nor the reason.
     throw new Error(`${name} is damaged or incomplete: it cannot be decompressed`, { cause });
-  }
+  });
+  return textOfBytes(name, await text);
 }

@@ -10,7 +10,7 @@ const SELF_PLAY = JSON.stringify({ config: { seed: 3, enemies: { self_play: {} }
 
 /**
  * What the page is told to open.
- * @param {{ [path: string]: string }} files
+ * @param {{ [path: string]: string | Uint8Array<ArrayBuffer> }} files
  */
 async function opened(files) {
   /** @type {unknown[]} */
@@ -79,6 +79,19 @@ test("a team with other weights does not replace one of the same name", () => {
   assert.equal(opened("three"), "3m, seed 1 (3)");
   assert.equal(opened("two"), "3m, seed 1 (2)", "the same one is opened again");
   assert.equal(opened("one", "all-maps"), "all-maps (2)");
+});
+
+// What was no UTF-8 was replaced, without a word.
+test("a file that is no UTF-8 text is refused", async () => {
+  const refused = /^Error: a.json: cannot be read: it is not UTF-8 text$/;
+  const latin1 = Uint8Array.of(0x7b, 0x22, 0xe9, 0x22, 0x3a, 0x31, 0x7d);
+  const utf16 = Uint8Array.of(0xff, 0xfe, 0x7b, 0, 0x7d, 0);
+  for (const bytes of [latin1, utf16]) {
+    await assert.rejects(opened({ "a.json": bytes }), refused);
+    await assert.rejects(opened({ "run.json": bytes, "best.safetensors": "" }), /run.json: cannot be read/);
+    const packed = new Response(new Blob([bytes]).stream().pipeThrough(new CompressionStream("gzip")));
+    await assert.rejects(textOf("a.json", new Uint8Array(await packed.arrayBuffer())), refused);
+  }
 });
 
 // The page said "Failed to fetch".

@@ -1,5 +1,5 @@
 // @ts-check
-// Scenarios as `Source` in src/protocol.rs has them: a name, or a text.
+// Scenarios as `Source` in src/protocol.rs has them: a name, or a text; and the texts of files.
 
 /**
  * Whether a scenario is a text, not the name of one.
@@ -20,3 +20,19 @@ export function nameOf(text) {
     return null;
   }
 }
+
+/**
+ * The text of a file, of which no byte is replaced.
+ * @param {string} name
+ * @param {BufferSource} bytes
+ */
+export function textOfBytes(name, bytes) {
+  try {
+    return new TextDecoder("utf-8", { fatal: true }).decode(bytes);
+  } catch (cause) {
+    throw new Error(`${name}: cannot be read: it is not UTF-8 text`, { cause });
+  }
+}
+
+/** @param {File} file */
+export const textOfFile = async (file) => textOfBytes(file.name, await file.arrayBuffer());

@@ -19,10 +19,11 @@ import { readMap } from "./squares.js";
 /** @typedef {(file: JsonText) => JsonText} Change */
 
 /**
+ * Whether a value is a number that a battle can have: texts may have larger ones, such as 1e999.
  * @param {unknown} value
  * @returns {value is number}
  */
-export const isNumber = (value) => typeof value === "number";
+export const isNumber = (value) => Number.isFinite(value);
 /** @param {string} key */
 export const stemOf = (key) => key.replace(/^.*\//, "").replace(/\.json$/, "");
 

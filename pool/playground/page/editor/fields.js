@@ -3,6 +3,7 @@
 
 import { titleCase } from "#view/battle.js";
 import { all, make } from "#view/dom.js";
+import { numberText } from "./json.js";
 
 /** @import { Child } from "#view/dom.js" */
 /** @import { Merge } from "./history.js" */
@@ -212,8 +213,8 @@ class NumberField extends Field {
 
   /** @param {any} value */
   show(value) {
-    const isPlain = value === undefined || typeof value !== "object";
-    this.control.value = value === undefined ? "" : isPlain ? String(value) : "(see JSON)";
+    const text = typeof value === "number" ? numberText(value) : String(value ?? "");
+    this.control.value = typeof value === "object" ? "(see JSON)" : text;
   }
 }
 

@@ -4,7 +4,7 @@
 import { download, messageOf } from "#view/dom.js";
 import { stemOf } from "./document.js";
 import { scenarioOf } from "../link.js";
-import { isText, nameOf } from "../scenario.js";
+import { isText, nameOf, textOfFile } from "../scenario.js";
 import { JsonText } from "./json.js";
 import { tell } from "./message.js";
 
@@ -84,7 +84,14 @@ export class FileStore {
   /** @param {Iterable<File>} list */
   async openFiles(list) {
     const files = [...list].filter(({ name }) => name.toLowerCase().endsWith(".json"));
-    const read = await Promise.all(files.map(async (file) => ({ name: file.name, text: await file.text() })));
+    let read;
+    try {
+      read = await Promise.all(
+        files.map(async (file) => ({ name: file.name, text: await textOfFile(file) })),
+      );
+    } catch (error) {
+      return tell(messageOf(error), true);
+    }
     /** @type {string[]} */
     const noKeys = [];
     const scenarios = read.filter(isScenario);

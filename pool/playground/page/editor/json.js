@@ -12,11 +12,18 @@ const LAST_COLUMN = 110;
 export const INDENT = "    ";
 
 /**
+ * A number as text. JSON would have null for one that is too large; it stays so, which the program then says.
+ * @param {number} value
+ */
+export const numberText = (value) => JSON.stringify(value).replace("null", value < 0 ? "-1e999" : "1e999");
+
+/**
  * A value as text, in the style of the standard scenarios' files; `column` is where it begins.
  * @param {unknown} value
  * @returns {string}
  */
 function jsonOf(value, indent = "", column = indent.length) {
+  if (typeof value === "number") return numberText(value);
   if (value === null || typeof value !== "object") return JSON.stringify(value);
   const isList = Array.isArray(value),
     inner = indent + INDENT;

@@ -3,7 +3,7 @@
 
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { JsonText, Raw, linesOf } from "./json.js";
+import { JsonText, Raw, linesOf, numberText } from "./json.js";
 
 test("texts that JSON.parse takes are read with the same values, and no others", () => {
   const texts = [
@@ -129,6 +129,16 @@ test("paths of messages lead to the values that exist", () => {
   assert.deepEqual(text.locate("groups[0].x"), ["groups", 0]);
   assert.deepEqual(text.locate("groups[7]"), ["groups"]);
   assert.deepEqual(text.position(text.span(["groups", 0])[0]), { line: 1, column: 13 });
+});
+
+// It became null, whatever was typed.
+test("a number that is too large stays one", () => {
+  const text = '{"a": 1, "b": [1e999, -1e999]}';
+  const { a, b } = Object.fromEntries(file(text).value());
+  assert.deepEqual([a, ...b], [1, Infinity, -Infinity]);
+  assert.equal(file(text).set(["a"], Infinity).text, '{"a": 1e999, "b": [1e999, -1e999]}');
+  assert.equal(file(text).set(["a"], b).text, '{"a": [1e999, -1e999], "b": [1e999, -1e999]}');
+  assert.deepEqual([1.5, -0, 1e21, -Infinity].map(numberText), ["1.5", "0", "1e+21", "-1e999"]);
 });
 
 test("formatting is stable and keeps the values", () => {
