@@ -6,8 +6,8 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use smaclite_engine::policy::Random;
 use smaclite_engine::{
-    Arena, Battle, COLUMNS, Column, ColumnSpec, ColumnType, RecordLayout, RecordSizes, Rules, Scratch,
-    Snapshot,
+    Arena, Battle, COLUMNS, Column, ColumnSpec, ColumnType, Opponent, RecordLayout, RecordSizes, Rules,
+    Scratch, Sides, Snapshot,
 };
 use smaclite_ipc::{Batch, WaitOptions};
 use smaclite_pool::Autoreset;
@@ -284,6 +284,35 @@ fn every_map_continues_from_its_records_with_the_same_bits() {
 }
 
 /// A learner can send any bytes: they are refused, or give a battle that can be played and saved.
+/// Of enemies that a script plays, a lane of both sides keeps no-ops, which a record has not when it was read
+/// and written again in an arena of one side, as by Python's `pack_snapshot`.
+#[test]
+fn a_record_is_the_same_when_it_is_written_again_whoever_plays_the_enemies() {
+    let scenario = Scenario::standard("3m").expect("a standard scenario");
+    let arena = |sides| Arc::new(Arena::new(&scenario, Rules::Smaclite).with_sides(sides));
+    for (opponent, enemies, sides) in
+        [(Opponent::Learner, 1, Sides::MIRRORED), (Opponent::AttackMove, 0, Sides::Allies)]
+    {
+        let mut battle = Battle::new(arena(Sides::MIRRORED), 1);
+        battle.reset_against(opponent);
+        let actions = [[1; 3], [enemies; 3]].concat();
+        battle.step(&actions, &mut Scratch::new()).expect("all may stop");
+        let layout = RecordLayout::new(RecordSizes::new(&battle.arena().sizes(), 2));
+        let mut record = vec![0; layout.size()];
+        battle.write_record(&layout, &actions, &mut record);
+        let arena = arena(sides);
+        let (snapshot, past) = Snapshot::of_edited_record(&arena, 2, &record).expect("our own record");
+        let mut again = vec![0; layout.size()];
+        snapshot.write_record(&arena, &layout, &past, &mut again);
+        let differs = |spec: &&ColumnSpec| {
+            spec.column != Column::Checksum
+                && layout.column(&again, spec.column) != layout.column(&record, spec.column)
+        };
+        let differing: Vec<_> = COLUMNS.iter().filter(differs).map(|spec| spec.name).collect();
+        assert_eq!(differing, [""; 0], "{opponent:?}");
+    }
+}
+
 #[test]
 fn damaged_records_are_refused_or_played() {
     let (mut scratch, mut rng) = (Scratch::new(), Pcg64::seed_from_u64(6));

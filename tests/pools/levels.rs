@@ -3,7 +3,7 @@
 use smaclite_engine::{Arena, Battle, LevelError, Rules, Scratch, policy};
 use smaclite_ipc::{Client, WaitOptions, WaitStrategy};
 use smaclite_pool::fields::{FIELDS, Field};
-use smaclite_scenarios::Scenario;
+use smaclite_scenarios::{Scenario, ScenarioFiles};
 use smaclite_tests::{LanePlan, PoolPlan, TestDir};
 use std::sync::Arc;
 
@@ -115,6 +115,21 @@ fn a_level_that_cannot_be_is_an_error_that_names_the_unit() {
     (5..10).for_each(|enemy| nobody[enemy * 5 + 4] = 0.0);
     assert!(matches!(battle.reset_to(&nobody), Err(LevelError::NobodyAlive(_))));
     assert_eq!(level(&battle), good, "the battle is unchanged");
+}
+
+/// The field `level` of such a scenario could not be given back.
+#[test]
+fn a_unit_may_begin_where_its_scenario_puts_it_also_on_a_blocked_square() {
+    let (_, files) = ScenarioFiles::resolve("3m").expect("a standard scenario");
+    let text = files.text.replace("9, \"y\": 16", "9, \"y\": 30");
+    let scenario = ScenarioFiles { text, ..files }.scenario().expect("allowed, with a warning");
+    let mut battle = Battle::new(Arc::new(Arena::new(&scenario, Rules::Smaclite)), 1);
+    let own = level(&battle);
+    battle.reset_to(&own).expect("its own level");
+    assert_eq!(level(&battle), own);
+    let mut beside = own;
+    beside[1] += 0.125;
+    assert!(matches!(battle.reset_to(&beside), Err(LevelError::Blocked { .. })));
 }
 
 /// A client of a lane with all fields.

@@ -43,7 +43,7 @@ pub enum LevelError {
         /// What is accepted.
         expected: String,
     },
-    /// A ground unit that starts on a blocked square.
+    /// A ground unit that starts on a blocked square, and not where the scenario lets it start.
     #[error("{actor} starts at ({x}, {y}), where the map is blocked")]
     Blocked {
         /// The unit.
@@ -147,7 +147,9 @@ impl Arena {
         }
         let square = row.position.min(Vec2::new(width, height) - 0.5).floor().as_ivec2();
         let is_ground = self.types()[row.unit_type as usize].plane == Plane::Ground;
-        if is_ground && !self.terrain.is_walkable(i64::from(square.x), i64::from(square.y)) {
+        // Scenarios may let a unit start there; where starts are drawn, they are elsewhere.
+        let is_own_start = self.drawer().is_none() && row.position == self.starts[id as usize];
+        if is_ground && !is_own_start && !self.terrain.is_walkable(i64::from(square.x), i64::from(square.y)) {
             let Vec2 { x, y } = row.position;
             return Err(LevelError::Blocked { actor, x, y });
         }

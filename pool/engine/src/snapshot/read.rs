@@ -259,6 +259,7 @@ fn read_past_actions(
             return Err(SnapshotError::NoSuchAction { column, actor, action, n_actions });
         }
         if i % n_units < n_actors {
+            // Enemies that a script plays have none.
             past_actions.push(action.max(action::NO_OP as i32));
         }
     }

@@ -49,14 +49,7 @@ impl<T: Fn(usize) -> u32, P: Iterator<Item = u64>> State<'_, T, P> {
         }
         let number = |number: &Option<u32>| number.map_or(-1, |number| number as i32);
         layout.put_each(record, Column::LastAction, self.last_actions.iter().map(number));
-        let past = layout.column_mut(record, Column::PastActions);
-        past.fill(0xff); // -1
-        let row_len = (n_agents + n_enemies) as usize * size_of::<i32>();
-        for (row, actions) in
-            past.chunks_exact_mut(row_len).zip(past_actions.chunks_exact(arena.sizes().n_actors()))
-        {
-            row[..size_of_val(actions)].copy_from_slice(bytemuck::cast_slice(actions));
-        }
+        self.write_past_actions(layout, arena, past_actions, record);
         self.write_neighbour_order(layout, arena, record);
         layout.put_each(record, Column::Perception, self.perception);
         record[layout.offsets[COLUMN_COUNT]..].fill(0);
@@ -99,6 +92,26 @@ impl<T: Fn(usize) -> u32, P: Iterator<Item = u64>> State<'_, T, P> {
         layout.put_each(record, Column::LastAttacked, phases().map(|phase| place(phase.last)));
         layout.put_each(record, Column::HitTarget, phases().map(|phase| place(phase.hit_target)));
         layout.put_each(record, Column::Hits, phases().map(|phase| phase.hits));
+    }
+
+    /// Enemies that a script plays have no actions in a record, whatever a lane keeps for them.
+    fn write_past_actions(
+        &self,
+        layout: &RecordLayout,
+        arena: &Arena,
+        past_actions: &[i32],
+        record: &mut [u8],
+    ) {
+        let RecordSizes { n_agents, n_enemies, .. } = layout.sizes;
+        let n_actors = arena.sizes().n_actors();
+        let n_played = if self.opponent == Opponent::Learner { n_actors } else { n_agents };
+        let past = layout.column_mut(record, Column::PastActions);
+        past.fill(0xff); // -1
+        let rows = past.chunks_exact_mut((n_agents + n_enemies) * size_of::<i32>());
+        for (row, actions) in rows.zip(past_actions.chunks_exact(n_actors)) {
+            let played = &actions[..n_played];
+            row[..size_of_val(played)].copy_from_slice(bytemuck::cast_slice(played));
+        }
     }
 
     fn write_neighbour_order(&self, layout: &RecordLayout, arena: &Arena, record: &mut [u8]) {
