@@ -117,6 +117,20 @@ fn a_level_that_cannot_be_is_an_error_that_names_the_unit() {
     assert_eq!(level(&battle), good, "the battle is unchanged");
 }
 
+#[test]
+fn a_level_of_healers_alone_is_refused_with_the_interface_of_smacv2() {
+    let mut battle = Battle::new(arena("terran_5_vs_5"), 1);
+    let types = Scenario::standard("terran_5_vs_5").expect("a standard scenario").unit_types;
+    let medivac = types.iter().position(|unit_type| unit_type.is_healer()).expect("a medivac");
+    for (first, side) in [(0, "agent"), (5, "enemy")] {
+        let mut edited = level(&battle);
+        edited.chunks_exact_mut(5).skip(first).take(5).for_each(|row| row[0] = medivac as f32);
+        let error = battle.reset_to(&edited).unwrap_err().to_string();
+        let why = "that is no healer must be alive, because healers alone have lost with `smacv2`";
+        assert_eq!(error, format!("at least one {side} {why}"));
+    }
+}
+
 /// The field `level` of such a scenario could not be given back.
 #[test]
 fn a_unit_may_begin_where_its_scenario_puts_it_also_on_a_blocked_square() {

@@ -64,6 +64,12 @@ pub enum LevelError {
     /// A faction without a living unit.
     #[error("at least one {} must be alive", if *.0 == Faction::Ally { "agent" } else { "enemy" })]
     NobodyAlive(Faction),
+    /// A faction of healers alone, which have lost with SMACv2's interface.
+    #[error(
+        "at least one {} that is no healer must be alive, because healers alone have lost with `smacv2`",
+        if *.0 == Faction::Ally { "agent" } else { "enemy" }
+    )]
+    HealersAlone(Faction),
 }
 
 /// A row of a level.
@@ -112,8 +118,13 @@ impl Arena {
             }
         }
         for (faction, range) in [(Faction::Ally, 0..n_agents), (Faction::Enemy, n_agents..expected)] {
-            if !rows(level).skip(range.start).take(range.len()).any(|row| lives(&row)) {
+            let mut living = rows(level).skip(range.start).take(range.len()).filter(lives).peekable();
+            if living.peek().is_none() {
                 return Err(LevelError::NobodyAlive(faction));
+            }
+            let mut heal = living.map(|row| self.types()[row.unit_type as usize].is_healer());
+            if self.interface().is_some() && heal.all(|heals| heals) {
+                return Err(LevelError::HealersAlone(faction));
             }
         }
         Ok(())
