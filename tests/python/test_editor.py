@@ -541,6 +541,33 @@ def test_a_generated_scenario_shows_what_the_seed_draws(browser: Any) -> None:
 
 
 @pytest.mark.skipif(not PAGE.exists(), reason="no page; see `just playground`")
+def test_what_no_battle_can_have_is_named_as_by_check(browser: Any, file: Path) -> None:
+    """A number that is too large was infinite, and then nothing could be checked; typed, it became null. Bytes
+    that are no UTF-8 text were replaced."""
+    valid = file.read_text()
+    large = valid.replace('"x": 9,', '"x": 1e999,', 1)
+    file.write_text(large)
+    with EditorPage(browser, PAGE.as_uri()) as editor:
+        editor.page.set_input_files("#files", file)
+        editor.wait_for_state("1 problem")
+        assert "number out of range" in editor.problem_list()[0], editor.problem_list()
+        editor.tab("json")
+        editor.page.fill("#text", valid)
+        editor.wait_for_state("Valid")
+        editor.tab("scenario")
+        editor.field("episode_limit").fill("1e999")
+        editor.wait_for_state("1 problem")
+        assert "number out of range" in editor.problem_list()[0], editor.problem_list()
+        before = editor.text()
+        assert before == valid.replace('"episode_limit": 120', '"episode_limit": 1e999')
+        file.write_bytes(valid.replace('"2s3z"', '"Z\u00fcrich"').encode("latin-1"))
+        editor.page.set_input_files("#files", file)
+        expected = "mine.json: cannot be read: it is not UTF-8 text"
+        editor.wait(lambda: editor.page.inner_text("#message") == expected)
+        assert editor.text() == before
+
+
+@pytest.mark.skipif(not PAGE.exists(), reason="no page; see `just playground`")
 def test_the_editor_needs_no_program(browser: Any, tmp_path: Path) -> None:
     """A page of the documentation: it checks, places, plays and saves by itself, also from a folder."""
     with EditorPage(browser, f"{PAGE.as_uri()}#scenario=3m") as editor:
