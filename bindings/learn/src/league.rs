@@ -3,9 +3,11 @@
 //!
 //! Copies that are hard to beat are drawn more often (prioritised fictitious self-play, as in AlphaStar;
 //! Vinyals et al., 2019): with the weight (1 - w)², where w is the team's win rate against the copy, or
-//! [`EASIEST`] if that is less, so that no copy is forgotten. The estimate of the win rate begins at 1/2;
-//! each episode against the copy moves it by 1 / [`MEMORY`] of the way to 1 if the team won, and to 0
-//! otherwise.
+//! [`EASIEST`] if that is less, so that no copy is forgotten. The estimate of the win rate begins at 0; each
+//! episode against the copy moves it by 1 / [`MEMORY`] of the way to 1 if the team won, and to 0 otherwise.
+//! So a new copy is hard to beat until episodes show that it is not: it is drawn often, and others retire
+//! before it. With 1/2 it was the easiest one wherever draws were common, and the first copies stayed for
+//! ever.
 
 use crate::random::uniform;
 use crate::team::Network;
@@ -42,7 +44,7 @@ pub(crate) struct Rival {
 
 impl Rival {
     pub fn new(number: u64, actor: Network) -> Rival {
-        Rival { number, actor: Arc::new(actor), win_rate: 0.5, is_retired: false }
+        Rival { number, actor: Arc::new(actor), win_rate: 0.0, is_retired: false }
     }
 
     fn weight(&self) -> f64 {
@@ -103,8 +105,8 @@ impl League {
         }
     }
 
-    /// Adds a copy. If there are more than `size` then, the one that is easiest to beat retires, the oldest
-    /// of equals; it leaves when the last episode against it has ended.
+    /// Adds a new copy. If there are more than `size` then, the one that is easiest to beat retires, the
+    /// oldest of equals, so never the new one; it leaves when the last episode against it has ended.
     pub fn add(&mut self, copy: Rival, size: usize) {
         self.rivals.push(copy);
         if self.size() > size {
@@ -209,12 +211,32 @@ mod tests {
     fn the_easiest_copy_retires_and_ends_its_episodes() {
         let mut league = league(&[0.3, 0.9, 0.9]);
         league.players[1] = Player::Rival(2);
-        league.add(rival(4, 0.5), 3);
+        league.add(rival(4, 0.0), 3);
         let numbers = |league: &League| league.rivals.iter().map(|rival| rival.number).collect::<Vec<_>>();
         assert_eq!((numbers(&league), league.size()), (vec![1, 2, 3, 4], 3));
         assert!(league.rivals[1].is_retired);
         league.players[1] = Player::Own;
-        league.add(rival(5, 0.5), 3);
+        league.add(rival(5, 0.0), 3);
         assert_eq!((numbers(&league), league.size()), (vec![1, 4, 5], 3));
+    }
+
+    /// Where draws are common, the team wins few episodes even against old copies. The new copy was then the
+    /// easiest by its estimate, and retired at once.
+    #[test]
+    fn new_copies_replace_old_ones_where_wins_are_rare() {
+        for (episodes, wins_of) in [(0, 1), (8, 5), (8, 1000), (100, 5)] {
+            let (mut league, size) = (league(&[]), 4);
+            for number in 1..=40 {
+                league.add(Rival::new(number, rival(number, 0.0).actor.without_optimiser()), size);
+                assert_eq!(league.rivals.last().map(|rival| rival.number), Some(number));
+                for rival in league.rivals.clone() {
+                    for i in 1..=episodes {
+                        league.observe(Player::Rival(rival.number), i % wins_of == 0);
+                    }
+                }
+            }
+            let numbers: Vec<u64> = league.rivals.iter().map(|rival| rival.number).collect();
+            assert_eq!(numbers, [37, 38, 39, 40], "{episodes} episodes, one of {wins_of} is won");
+        }
     }
 }

@@ -21,7 +21,11 @@ const LEAGUE: SelfPlay =
 fn a_resumed_league_is_the_uninterrupted_one() {
     let place = Place::new();
     check_resumed(&against(Enemies::SelfPlay(LEAGUE)), &place);
-    let (_, log) = place.self_play("whole");
+    let (copies, log) = place.self_play("whole");
+    // All are kept, also those that no episodes begin against any more.
+    let expected =
+        (1..=34 / LEAGUE.league_every).map(|i| format!("{:06}.safetensors", i * LEAGUE.league_every));
+    assert!(copies.iter().map(|(name, _)| name.clone()).eq(expected), "{copies:?}");
     assert_eq!(log[0], ["win_rate_self", "win_rate_league", "win_rate_attack_move", "league_size"]);
     let sizes: Vec<&str> = log[1..].iter().map(|row| row[3].as_str()).collect();
     assert_eq!(sizes[..16].join(""), "0011122233344444");
