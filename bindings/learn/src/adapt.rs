@@ -2,7 +2,9 @@
 
 use crate::checkpoint::write_actor;
 use crate::config::{Config, NetworkKind};
-use crate::description::{OtherMap, RunDescription, WEIGHTS, Weights, read_team_of, write_description};
+use crate::description::{
+    OtherMap, RunDescription, WEIGHTS, Weights, holds_run, read_team_of, write_description,
+};
 use crate::tensors::FileError;
 use crate::zoo_folders::ExportError;
 use smaclite_engine::BattleSetup;
@@ -25,7 +27,7 @@ pub fn adapt_team(
     }
     let run = run.on(map)?;
     let (run, _, actor) = read_team_of(from, run, weights)?;
-    if to.join("run.json").exists() {
+    if holds_run(to)? {
         return Err(ExportError::HoldsRun { folder: to.to_owned() });
     }
     std::fs::create_dir_all(to).map_err(|source| FileError::Write { path: to.to_owned(), source })?;

@@ -23,6 +23,47 @@ pub(crate) const BEST: &str = "best.safetensors";
 /// The folder, in that of a run, of the team that plays the enemies.
 pub(crate) const OPPONENT: &str = "opponent";
 
+/// The file by which a folder is known to be that of a run of `smaclite-pool train`, and of another learner.
+pub const DESCRIPTIONS: [&str; 2] = ["run.json", "options.json"];
+
+/// Files of results, and of what a run is continued from: nothing replaces or overlooks them.
+const PRECIOUS: [&str; 3] = ["final.json", "evaluations.csv", "checkpoint.safetensors"];
+
+/// The log of a run, which is empty until its first update.
+pub(crate) const LOG: &str = "log.csv";
+
+/// Whether a folder holds a run, which another one must not replace.
+///
+/// # Errors
+/// If it holds one without its `run.json`.
+pub fn holds_run(folder: &Path) -> Result<bool, FileError> {
+    match folder.join(DESCRIPTIONS[0]).exists() {
+        true => Ok(true),
+        false => check_no_files(folder).map(|()| false),
+    }
+}
+
+/// Refuses a folder that holds a run which nothing describes. Whoever looks for runs would overlook it.
+///
+/// # Errors
+/// If it does.
+pub fn refuse_undescribed(folder: &Path) -> Result<(), FileError> {
+    let is_described = DESCRIPTIONS.iter().any(|name| folder.join(name).is_file());
+    if is_described { Ok(()) } else { check_no_files(folder) }
+}
+
+/// What a process left that was killed while it began a run is nothing to keep: `run.json` is written last
+/// then, and the empty log first.
+fn check_no_files(folder: &Path) -> Result<(), FileError> {
+    if fs::metadata(folder.join(LOG)).is_ok_and(|log| log.len() == 0) {
+        return Ok(());
+    }
+    match PRECIOUS.into_iter().find(|name| folder.join(name).is_file()) {
+        Some(found) => Err(FileError::Undescribed { folder: folder.to_owned(), found }),
+        None => Ok(()),
+    }
+}
+
 /// The contents of `run.json`.
 #[derive(Serialize, Deserialize)]
 struct RunFile {

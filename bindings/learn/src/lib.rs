@@ -77,7 +77,9 @@ pub use config::{
     Activation, Algorithm, Config, ConfigError, Enemies, NetworkKind, STATE_CRITIC_AGENTS, SelfPlay,
     TEAM_ENTROPY, UnknownKeyword,
 };
-pub use description::{OtherMap, RunDescription, Weights, read_team_files};
+pub use description::{
+    DESCRIPTIONS, OtherMap, RunDescription, Weights, holds_run, read_team_files, refuse_undescribed,
+};
 pub use evaluate::{
     EvaluateError, EvaluatedEpisode, Evaluation, EvaluationEvent, EvaluationResult, evaluate,
 };

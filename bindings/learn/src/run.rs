@@ -19,7 +19,8 @@
 use crate::checkpoint::{Checkpoint, read_actor, write_actor, write_weights};
 use crate::config::Config;
 use crate::description::{
-    OPPONENT, RunDescription, WEIGHTS, Weights, copy_team, read_rival, read_team, write_description,
+    LOG, OPPONENT, RunDescription, WEIGHTS, Weights, copy_team, holds_run, read_rival, read_team,
+    write_description,
 };
 use crate::evaluations::{EvaluationFiles, EvaluationRow, Evaluations};
 use crate::lane_error::LaneError;
@@ -143,9 +144,9 @@ impl Run {
     ) -> Result<Run, TrainError> {
         let (mut setups, lanes): (Vec<BattleSetup>, Vec<Lanes>) = maps.into_iter().unzip();
         let setup = setups.remove(0);
-        let check_free = || {
-            let is_taken = folder.join("run.json").exists();
-            if is_taken { Err(TrainError::FolderInUse(folder.display().to_string())) } else { Ok(()) }
+        let check_free = || match holds_run(folder)? {
+            true => Err(TrainError::FolderInUse(folder.display().to_string())),
+            false => Ok(()),
         };
         check_free()?;
         let rival = rival_folder.as_deref().map(|folder| read_rival::<TrainError>(folder, &lanes[0]));
@@ -155,6 +156,7 @@ impl Run {
         let lock = lock(folder)?;
         check_free()?; // another process may have begun and ended one meanwhile
         remove_incomplete_files(folder)?;
+        crate::tensors::write(&folder.join(LOG), b"")?; // first: from now on this is a run that begins
         if let Some(rival) = rival_folder {
             copy_team(&rival, &folder.join(OPPONENT))?;
         }

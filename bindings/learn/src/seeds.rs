@@ -8,7 +8,7 @@ mod error;
 mod folder;
 
 use crate::config::Config;
-use crate::description::RunDescription;
+use crate::description::{RunDescription, holds_run};
 use crate::evaluations::EvaluationRow;
 use crate::lanes::Lanes;
 use crate::run::Run;
@@ -89,8 +89,10 @@ impl Seeds {
     ) -> Result<Seeds, SeedsError> {
         let seeds = (0..count).map(|i| config.seed.wrapping_add(i));
         let runs: Vec<_> = seeds.map(|seed| (seed, seed_folder(folder, seed))).collect();
-        if let Some((_, taken)) = runs.iter().find(|(_, path)| path.join("run.json").exists()) {
-            return Err(SeedsError::InUse { run: taken.clone(), folder: folder.to_owned() });
+        for (_, path) in &runs {
+            if holds_run(path)? {
+                return Err(SeedsError::InUse { run: path.clone(), folder: folder.to_owned() });
+            }
         }
         for (i, (seed, path)) in runs.iter().enumerate() {
             let config = Config { seed: *seed, ..config.clone() };

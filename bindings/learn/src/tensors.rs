@@ -30,6 +30,11 @@ pub enum FileError {
     )]
     NoRun { folder: PathBuf },
     #[error(
+        "`{}` has {found}, a file of a run, but no run.json, which says what the run is: put that file back, \
+         or move the folder elsewhere", folder.display()
+    )]
+    Undescribed { folder: PathBuf, found: &'static str },
+    #[error(
         "`{}` is a team of the zoo, which has no {missing}: only the files that let it play were kept",
         folder.display()
     )]

@@ -1,6 +1,6 @@
 //! Teams of the zoo where the folder of a run is expected: refused, or written as one.
 
-use crate::description::OtherMap;
+use crate::description::{OtherMap, holds_run};
 use crate::tensors::{FileError, write};
 use crate::zoo::{PREFIX, folder, zoo_file, zoo_teams};
 use std::path::{Path, PathBuf};
@@ -22,7 +22,7 @@ pub fn export_zoo_team(scenario: &str, to: &Path) -> Result<(), ExportError> {
     if !zoo_teams().any(|team| team == name) {
         return Err(FileError::NotInZoo { name: name.to_owned() }.into());
     }
-    if to.join("run.json").exists() {
+    if holds_run(to)? {
         return Err(ExportError::HoldsRun { folder: to.to_owned() });
     }
     std::fs::create_dir_all(to).map_err(|source| FileError::Write { path: to.to_owned(), source })?;

@@ -252,6 +252,15 @@ fn seeds_train_in_folders_of_their_own() {
     );
     check_error(folder, "train --resume runs --evaluate-every 5", 2, "cannot be used with");
     fs::rename(folder.join("alone"), folder.join("runs/alone")).expect("another run");
+    // It was begun anew.
+    fs::rename(folder.join("runs/seed-7/run.json"), folder.join("lost")).expect("a description");
+    let undescribed = "`runs/seed-7` has final.json, a file of a run, but no run.json, which says what";
+    for command in ["train --resume runs --seeds 4", "verify-run runs", "report runs --out report"] {
+        check_error(folder, command, 1, undescribed);
+    }
+    check_error(folder, "train 3m --out runs/seed-7", 1, undescribed);
+    check_error(folder, "zoo --export 3m runs/seed-7", 1, undescribed);
+    fs::rename(folder.join("lost"), folder.join("runs/seed-7/run.json")).expect("a description");
     let other = "`runs/alone` is no run of `train --seeds`, which would be in a folder of the name `seed-5`";
     check_error(folder, "train --resume runs --steps 9000", 1, other);
 }

@@ -1,7 +1,7 @@
 //! The runs of an algorithm: found in folders, sorted by task and seed, and checked to be comparable.
 
 use super::{EvaluatedRun, ReportError};
-use smaclite_learn::{FileError, refuse_zoo_team};
+use smaclite_learn::{FileError, refuse_undescribed, refuse_zoo_team};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -52,6 +52,7 @@ fn find(folder: &Path, depth: usize, found: &mut Vec<PathBuf>) -> Result<(), Fil
         found.push(folder.to_owned());
         return Ok(());
     }
+    refuse_undescribed(folder)?;
     if folder.is_file() {
         return Ok(()); // which has no runs
     }

@@ -9,13 +9,10 @@ use super::ReportError;
 use serde_json::Value;
 use smaclite_engine::{Rules, UnknownRules};
 use smaclite_learn::{
-    BothEpisodes, Choice, Episode, EvaluationFiles, EvaluationRow, FileError, FinalResult, RunDescription,
-    Summary, read_file,
+    BothEpisodes, Choice, DESCRIPTIONS, Episode, EvaluationFiles, EvaluationRow, FileError, FinalResult,
+    RunDescription, Summary, read_file,
 };
 use std::path::{Path, PathBuf};
-
-/// The file by which a folder is known to be that of a run of `smaclite-pool train`, and of another learner.
-const DESCRIPTIONS: [&str; 2] = ["run.json", "options.json"];
 
 /// How far a win rate may be from that of its episodes.
 const ROUNDING: f64 = 1e-6;

@@ -1,7 +1,7 @@
 //! Evaluations of runs while they train: they change no bit of the training, an interrupted run has the same
 //! ones, what was recorded can be verified, and the best weights are those that play.
 
-use crate::kit::{Place, check_resumed, complete, evaluated, evaluation, small};
+use crate::kit::{Place, check_resumed, complete, evaluated, evaluation, scenario, small};
 use smaclite_engine::Rules;
 use smaclite_lab::verify;
 use smaclite_learn::{
@@ -233,14 +233,19 @@ fn half_an_evaluation_is_played_again() {
     assert!(place.evaluations("killed") == place.evaluations("whole"));
 }
 
-/// A folder without run.json is that of no run, but one that began in it kept the best weights of the old
-/// one, and these played.
+/// One that began in a folder with some files of another kept its best weights, and these played.
 #[test]
 fn a_run_that_begins_has_no_best_weights_of_another() {
     let place = Place::new();
     place.train("run", &evaluated(), 1);
     let path = place.path("run");
     fs::remove_file(path.join("run.json")).unwrap();
+    for name in ["final.json", "evaluations.csv", "checkpoint.safetensors"] {
+        let lanes = place.lanes(10, 1);
+        let begun = Run::begin(&path, small(), &scenario(), lanes, 1).err().unwrap().to_string();
+        assert!(begun.contains(&format!("/run` has {name}, a file of a run, but no run.json")), "{begun}");
+        fs::remove_file(path.join(name)).unwrap(); // nothing else was removed
+    }
     fs::write(path.join("evaluations/notes.txt"), "not a file of a run").unwrap();
     drop(place.begin("run", &Config { seed: 4, ..small() }, 1));
     for name in ["evaluations.csv", "evaluation_episodes.csv", "best.safetensors", "final.json"] {

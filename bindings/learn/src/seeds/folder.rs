@@ -1,7 +1,7 @@
 //! The runs in a folder, and whether they are those of one `train --seeds`.
 
 use super::{SeedsError, seed_folder};
-use crate::description::RunDescription;
+use crate::description::{RunDescription, refuse_undescribed};
 use crate::tensors::FileError;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -9,15 +9,18 @@ use std::path::{Path, PathBuf};
 /// The runs in the subfolders of a folder, by seed.
 ///
 /// # Errors
-/// If the folder, or a description of a run in it, cannot be read.
+/// If the folder, or a description of a run in it, cannot be read; or if it has a run without one.
 pub fn runs_in(folder: &Path) -> Result<Vec<(PathBuf, RunDescription)>, FileError> {
     let error = |source| FileError::Read { path: folder.to_owned(), source };
+    refuse_undescribed(folder)?;
     let mut runs = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(error)? {
         let path = entry.map_err(error)?.path();
         if path.join("run.json").exists() {
             let run = RunDescription::read(&path)?;
             runs.push((path, run));
+        } else {
+            refuse_undescribed(&path)?;
         }
     }
     runs.sort_by(|(a, of_a), (b, of_b)| (of_a.config.seed, a).cmp(&(of_b.config.seed, b)));

@@ -273,7 +273,11 @@ fn folders_and_settings_that_do_not_fit_are_refused() {
         Run::begin(&place.path("run"), config, &scenario(), lanes, 1).err().unwrap().to_string()
     };
     assert!(begin(small(), 10).contains("already holds a run"));
-    fs::remove_file(place.path("run").join("run.json")).unwrap();
+    let path = place.path("run");
+    fs::remove_file(path.join("run.json")).unwrap();
+    let lost = "/run` has checkpoint.safetensors, a file of a run, but no run.json, which says what";
+    assert!(begin(small(), 10).contains(lost), "{}", begin(small(), 10));
+    fs::rename(path.join("checkpoint.safetensors"), path.join("kept")).unwrap();
     let error = begin(small(), 9);
     assert!(error.contains("the lanes have 9 environments, but the run has 10"), "{error}");
     let error = begin(Config { gamma: 1.5, ..small() }, 10);

@@ -100,6 +100,30 @@ fn seeds_that_are_missing_begin_later() {
     assert!(before == files() && folder.join("seed-7/final.json").exists());
 }
 
+/// It was taken for one that had not begun: it began anew, over what it had learnt.
+#[test]
+fn a_seed_without_its_description_is_no_seed_that_is_missing() {
+    let place = Place::new();
+    let folder = place.path("runs");
+    let begin = || Seeds::begin(&folder, &evaluated(), 2, &scenario(), &place.runtime_dir);
+    begin().unwrap().train(None, 2, &place.runtime_dir, &|| false, &|_, _| {});
+    fs::remove_file(folder.join("seed-4/run.json")).unwrap();
+    let expected =
+        "/runs/seed-4` has final.json, a file of a run, but no run.json, which says what the run is";
+    let errors = [Seeds::open(&folder, None).err().unwrap().to_string(), {
+        fs::rename(folder.join("seed-3"), place.path("seed-3")).unwrap();
+        begin().err().unwrap().to_string()
+    }];
+    assert!(errors.iter().all(|error| error.contains(expected)), "{errors:?}");
+    assert!(folder.join("seed-4/final.json").exists() && !folder.join("seed-3").exists());
+
+    // What a process leaves that is killed before it has written run.json is no run.
+    drop(place.begin("killed/seed-3", &evaluated(), 1));
+    fs::remove_file(place.path("killed/seed-3/run.json")).unwrap();
+    assert!(Seeds::open(&place.path("killed"), None).unwrap().is_none());
+    drop(place.begin("killed/seed-3", &evaluated(), 1));
+}
+
 /// Any folder with runs was taken for one of several seeds: all its runs were trained, and those that were
 /// complete lost their final episodes.
 #[test]
