@@ -22,10 +22,10 @@ use crate::description::{
     LOG, OPPONENT, RunDescription, WEIGHTS, Weights, copy_team, holds_run, read_rival, read_team,
     write_description,
 };
-use crate::evaluations::{EvaluationFiles, EvaluationRow, Evaluations};
+use crate::evaluations::{EvaluationFiles, EvaluationRow, Evaluations, Trained};
 use crate::lane_error::LaneError;
 use crate::lanes::Lanes;
-use crate::log::{CsvLog, TensorBoardLog};
+use crate::log::{CsvLog, KeptLines, TensorBoardLog};
 use crate::tensors::{FileError, remove_incomplete};
 use crate::training::{Record, TrainError, Training};
 use crate::zoo_folders;
@@ -174,7 +174,8 @@ impl Run {
     /// neither step sizes nor entropy.
     ///
     /// # Errors
-    /// If its files are damaged or do not fit the lanes, or another process writes to the folder.
+    /// If its files are damaged or do not fit the lanes, another process writes to the folder, or the run has
+    /// made more than `steps` steps.
     pub fn resume(
         folder: &Path,
         steps: Option<u64>,
@@ -199,7 +200,8 @@ impl Run {
         let lock = lock(folder)?;
         remove_incomplete_files(folder)?;
         let mut description = RunDescription::read(folder)?;
-        description.config.steps = steps.unwrap_or(description.config.steps);
+        let described = description.config.steps;
+        description.config.steps = steps.unwrap_or(described);
         let RunDescription { config, setup, other_maps, .. } = description.clone();
         let (given, expected) = (lanes.len(), 1 + other_maps.len());
         if given != expected {
@@ -212,6 +214,11 @@ impl Run {
         };
         let path = folder.join("checkpoint.safetensors");
         let state = Checkpoint::read(&path, &config, &description.inputs, &mut read_rival)?;
+        // A complete run has made some steps more than described, and can be resumed with that number.
+        let (given, made) = (config.steps, state.progress.steps);
+        if given != described && given < made {
+            return Err(TrainError::FewerSteps { folder: folder.display().to_string(), given, made });
+        }
         let training = Training::resume(config, lanes, threads, state)?;
         let run = Run::open(folder, &description, training, threads, lock)?;
         // Last: an error before it leaves the old number of steps.
@@ -227,9 +234,13 @@ impl Run {
         lock: File,
     ) -> Result<Run, TrainError> {
         let progress = training.state().progress;
-        let csv = CsvLog::open(&folder.join("log.csv"), progress.updates)?;
-        let tensorboard = TensorBoardLog::begin(folder, progress.steps)?;
-        let evaluations = Evaluations::open(folder, description, progress.steps, threads)?;
+        let log = folder.join(LOG);
+        // Both are read before one is changed: an error leaves the files of the run as they are.
+        let kept = KeptLines::read(&log, progress.updates)?;
+        let trained = Trained { steps: progress.steps, before_last_update: kept.steps_before };
+        let evaluations = Evaluations::open(folder, description, trained, threads)?;
+        let csv = CsvLog::open(&log, &kept)?;
+        let tensorboard = TensorBoardLog::new(folder, progress.steps);
         let (folder, last_checkpoint) = (folder.to_owned(), Instant::now());
         Ok(Run { folder, training, csv, tensorboard, evaluations, last_checkpoint, _lock: lock })
     }
@@ -294,6 +305,7 @@ impl Run {
     /// # Errors
     /// If they cannot be written. The old files stay complete.
     pub fn checkpoint(&mut self) -> Result<(), TrainError> {
+        self.csv.sync()?; // the checkpoint is not continued without the lines of its updates
         let state = self.training.state();
         write_weights(&self.folder.join(WEIGHTS), &state.team)?;
         state.write(&self.folder.join("checkpoint.safetensors"))?;

@@ -38,6 +38,12 @@ pub enum TrainError {
     File(#[from] FileError),
     #[error("`{0}` already holds a run; resume it with --resume, or choose another folder")]
     FolderInUse(String),
+    #[error("`{folder}` has made {made} steps: --steps must be at least that many, got {given}")]
+    FewerSteps {
+        folder: String,
+        given: u64,
+        made: u64,
+    },
     #[error("another process trains in `{0}`; wait until it ends, or choose another folder")]
     FolderLocked(String),
     #[error(

@@ -49,8 +49,11 @@ fn an_interrupted_command_has_the_exit_status_of_its_signal() {
         let done = child.wait_with_output().expect("an end");
         assert_eq!(done.status.code(), Some(128 + signal.as_raw()), "{command}: {done:?}");
     }
-    output(folder, "train --resume run --steps 1e2");
-    output(folder, "train --resume two --steps 1e2");
+    for (run, first) in [("run", "run"), ("two", "two/seed-0")] {
+        let log = fs::read_to_string(folder.join(first).join("log.csv")).expect("the log");
+        let steps = log.lines().last().and_then(|line| line.split(',').nth(1)?.parse::<u64>().ok());
+        output(folder, &format!("train --resume {run} --steps {}", steps.unwrap_or(0) + 1));
+    }
 }
 
 /// To open a pipe is to wait for who reads or writes at its other end: `train --resume` waited without end.

@@ -28,6 +28,9 @@ fn a_team_is_trained_resumed_and_evaluated() {
         .collect();
     names.sort();
     assert!(names[1].starts_with("events.out.tfevents."), "{names:?}");
+    output(folder, "train --resume runs/3m"); // which is complete: there are no events, so no file of them
+    let entries = fs::read_dir(folder.join("runs/3m")).expect("a folder");
+    assert_eq!(entries.count(), names.len());
     names.remove(1);
     assert_eq!(names, ["checkpoint.safetensors", "log.csv", "run.json", "weights.safetensors"]);
 
@@ -235,6 +238,8 @@ fn seeds_train_in_folders_of_their_own() {
     let taken = "`runs/seed-4` already holds a run; continue the runs in `runs` with --resume";
     check_error(folder, &format!("{seeds} {SMALL}"), 1, taken);
     let resumed = output(folder, "train --resume runs --steps 900 --json");
+    let fewer = "seed 4: `runs/seed-4` has made ";
+    check_error(folder, "train --resume runs --steps 700", 1, fewer);
     let seeds: std::collections::BTreeSet<u64> =
         json_lines(&resumed).iter().filter_map(|update| update["seed"].as_u64()).collect();
     assert!(seeds.iter().copied().eq(4..7), "{resumed}");

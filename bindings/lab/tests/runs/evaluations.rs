@@ -8,9 +8,10 @@ use smaclite_learn::{
     Algorithm, Config, Enemies, EvaluationRow, FinalResult, Lanes, NetworkKind, Run, SelfPlay, TrainedTeam,
     Weights, resolve_scenario,
 };
+use std::collections::BTreeMap;
 use std::fs;
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 #[test]
 fn evaluations_change_no_bit_of_the_training() {
@@ -231,6 +232,104 @@ fn half_an_evaluation_is_played_again() {
     complete(Run::resume(&path, None, place.lanes(10, 1), 1).unwrap());
     assert_eq!(place.outcome("killed"), place.outcome("whole"));
     assert!(place.evaluations("killed") == place.evaluations("whole"));
+}
+
+/// All files in the folder of a run and in its folders, by path.
+fn all_files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut all = BTreeMap::new();
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            all.extend(all_files(&path));
+        } else {
+            all.insert(path.clone(), fs::read(&path).unwrap());
+        }
+    }
+    all
+}
+
+/// What was missing was taken for evaluations that were still to be played: those that were there, the best
+/// weights and the final result were removed.
+#[test]
+fn a_run_whose_files_are_not_whole_is_not_continued() {
+    let place = Place::new();
+    place.train("complete", &evaluated(), 1);
+    let mut run = place.begin("interrupted", &evaluated(), 1);
+    (0..5).for_each(|_| drop(run.update(&mut || false).unwrap()));
+    run.checkpoint().unwrap();
+    drop(run);
+    let refused = |name: &str, file: &str, change: &dyn Fn(&str) -> String, expected: &str| {
+        let path = place.path(name);
+        let text = fs::read_to_string(path.join(file)).unwrap();
+        assert_ne!(change(&text), text, "{name} {file}");
+        fs::write(path.join(file), change(&text)).unwrap();
+        let before = all_files(&path);
+        for steps in [None, Some(2000)] {
+            let resumed = Run::resume(&path, steps, place.lanes(10, 1), 1);
+            let error = resumed.err().expect(expected).to_string();
+            let parts = [&format!("{name}/{file}` is damaged"), expected];
+            assert!(parts.iter().all(|part| error.contains(part)), "expected {parts:?}, got {error}");
+            assert!(all_files(&path) == before, "{name} {file}: files were changed");
+        }
+        fs::write(path.join(file), text).unwrap();
+    };
+    let nothing = |_: &str| String::new();
+    let without = |start: &'static str| {
+        move |text: &str| {
+            text.lines()
+                .filter(|line| !line.starts_with(start))
+                .fold(String::new(), |text, line| text + line + "\n")
+        }
+    };
+    let torn = |text: &str| text[..text.len() - 5].to_owned();
+    for name in ["complete", "interrupted"] {
+        refused(name, "evaluations.csv", &nothing, "no evaluation at 0 steps, but the checkpoint is of ");
+        refused(
+            name,
+            "evaluations.csv",
+            &without("400,"),
+            "no evaluation at 400 steps, but the checkpoint is",
+        );
+        let expected = "it has 31 sampled episodes of the evaluation at 400 steps, but 32 were played";
+        refused(name, "evaluation_episodes.csv", &without("400,sampled,9,"), expected);
+        refused(name, "evaluation_episodes.csv", &nothing, "it has 0 greedy episodes of the evaluation at 0");
+        refused(name, "log.csv", &nothing, "it has no line of update 1, but the checkpoint is of ");
+        refused(name, "log.csv", &without("4,"), "it has no line of update 4, but the checkpoint is of ");
+        refused(name, "log.csv", &torn, "it has no line of update ");
+    }
+    refused("interrupted", "evaluations.csv", &torn, "no evaluation at 400 steps");
+    let no_line_break = "its last line has no line break at its end, although the run is complete";
+    refused("complete", "evaluations.csv", &torn, no_line_break);
+    refused("complete", "evaluation_episodes.csv", &torn, no_line_break);
+    // Both are of the last update.
+    let end = |text: &str| without("930,")(&without("800,")(text));
+    refused("complete", "evaluations.csv", &end, "it has no evaluation after ");
+    for name in ["complete", "interrupted"] {
+        fs::remove_file(place.path(name).join("evaluations.csv")).unwrap();
+        let resumed = Run::resume(&place.path(name), None, place.lanes(10, 1), 1);
+        assert!(resumed.err().unwrap().to_string().contains("no evaluation at 0 steps"));
+    }
+    assert!(place.path("complete/final.json").exists() && place.path("complete/best.safetensors").exists());
+}
+
+/// run.json said then that the run had made fewer steps than it had.
+#[test]
+fn a_run_is_not_resumed_with_fewer_steps_than_it_has_made() {
+    let place = Place::new();
+    let made = place.train("run", &evaluated(), 1).steps;
+    let path = place.path("run");
+    let before = all_files(&path);
+    let resume = |steps| Run::resume(&path, steps, place.lanes(10, 1), 1);
+    for given in [1, 400, 929] {
+        let error = resume(Some(given)).err().unwrap().to_string();
+        let expected =
+            format!("/run` has made {made} steps: --steps must be at least that many, got {given}");
+        assert!(error.contains(&expected), "{error}");
+        assert!(all_files(&path) == before, "files were changed");
+    }
+    drop(resume(Some(930)).unwrap()); // the number that it has, or none
+    drop(resume(None).unwrap());
+    drop(resume(Some(made + 1)).unwrap());
 }
 
 /// One that began in a folder with some files of another kept its best weights, and these played.

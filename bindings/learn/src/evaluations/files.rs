@@ -2,15 +2,17 @@
 //! `evaluation_episodes.csv` a row per episode, and `evaluations/` the weights of the actor.
 //!
 //! The row of an evaluation is written last. So what a process that was killed left of an evaluation without
-//! its row is removed, and that evaluation is played again.
+//! its row is removed, and that evaluation is played again. What was written before the checkpoint is there,
+//! and a run is not continued without it: nothing could play it again.
 
-use super::{EvaluationRow, FinalResult};
+use super::{EVALUATION_EPISODES, EvaluationRow, FinalResult, Trained};
 use crate::checkpoint::write_actor;
 use crate::description::BEST;
 use crate::policy::Choice;
 use crate::rollout::Episode;
 use crate::team::Network;
 use crate::tensors::{FileError, read_text, remove};
+use std::collections::HashMap;
 use std::fs::{self, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -32,15 +34,21 @@ pub struct EvaluationFiles {
 }
 
 impl EvaluationFiles {
-    /// Opens the files of a run that trains and has made `trained_steps` steps, and removes what is of later
-    /// evaluations: they are played again. Returns the rows that stay.
-    pub fn open(
+    /// Opens the files of a run that trains and is evaluated at every multiple of `every` steps, and removes
+    /// what is of evaluations after its checkpoint: they are played again. Returns the rows that stay.
+    ///
+    /// # Errors
+    /// If something is missing that was written before the checkpoint; then nothing is removed.
+    pub(crate) fn open(
         folder: &Path,
-        trained_steps: u64,
+        every: u64,
+        trained: Trained,
     ) -> Result<(EvaluationFiles, Vec<EvaluationRow>), FileError> {
         let files = EvaluationFiles::of(folder);
-        let mut rows = files.parse_rows(&read_lines(&files.folder.join(ROWS))?)?;
-        rows.retain(|row| row.trained_steps <= trained_steps);
+        let mut rows = files.rows()?;
+        rows.retain(|row| row.trained_steps <= trained.steps);
+        files.check_rows(&rows, every, trained)?;
+        files.check_episodes(&rows)?;
         let stays = |steps: u64| rows.iter().any(|row| row.steps == steps);
         let lines: String = rows.iter().map(EvaluationRow::line).collect();
         let header = EvaluationRow::COLUMNS.join(",") + "\n";
@@ -56,6 +64,51 @@ impl EvaluationFiles {
             }
         }
         Ok((files, rows))
+    }
+
+    /// Every row that was written before the checkpoint must be there: those of the step counts that were
+    /// reached before the last update, those before another one, and in a complete run that of its end.
+    fn check_rows(&self, rows: &[EvaluationRow], every: u64, trained: Trained) -> Result<(), FileError> {
+        let damaged = |why| Err(FileError::Damaged { path: self.folder.join(ROWS), why });
+        let made = trained.steps;
+        let reached = rows.last().map(|last| last.steps).max(trained.before_last_update);
+        let due = (0..).map(|i| every.saturating_mul(i)).take_while(|steps| Some(*steps) <= reached);
+        let mut rows_left = rows.iter().peekable();
+        for steps in due {
+            while rows_left.next_if(|row| row.steps < steps).is_some() {}
+            if rows_left.next_if(|row| row.steps == steps).is_none() {
+                return damaged(format!(
+                    "it has no evaluation at {steps} steps, but the checkpoint is of {made} steps, and an \
+                     evaluation was played at every multiple of {every}"
+                ));
+            }
+        }
+        // That of a killed process can be of an end after the checkpoint.
+        let is_complete = FinalResult::read(&self.folder)?.is_some_and(|result| result.run_steps == made);
+        if is_complete && rows.last().is_none_or(|last| last.trained_steps != made) {
+            return damaged(format!("it has no evaluation after {made} steps, of which final.json is"));
+        }
+        Ok(())
+    }
+
+    /// Every row must have its episodes.
+    fn check_episodes(&self, rows: &[EvaluationRow]) -> Result<(), FileError> {
+        let counts: HashMap<u64, [usize; 2]> =
+            self.episodes()?.into_iter().map(|(steps, both)| (steps, both.map(|kind| kind.len()))).collect();
+        for EvaluationRow { steps, .. } in rows {
+            let counts = counts.get(steps).copied().unwrap_or_default();
+            for (actions, found) in Choice::BOTH.into_iter().zip(counts) {
+                if found != EVALUATION_EPISODES {
+                    let actions = actions.name();
+                    let why = format!(
+                        "it has {found} {actions} episodes of the evaluation at {steps} steps, but \
+                         {EVALUATION_EPISODES} were played"
+                    );
+                    return Err(FileError::Damaged { path: self.folder.join(EPISODES), why });
+                }
+            }
+        }
+        Ok(())
     }
 
     /// Whether there is a file of evaluations.
@@ -223,6 +276,9 @@ fn weights_in(folder: &Path) -> Result<Vec<PathBuf>, FileError> {
 
 fn append(path: &Path, text: &str) -> Result<(), FileError> {
     let file = OpenOptions::new().append(true).open(path);
-    let written = file.and_then(|mut file| file.write_all(text.as_bytes()));
+    let written = file.and_then(|mut file| {
+        file.write_all(text.as_bytes())?;
+        file.sync_data() // the checkpoint that says that it was written may outlive a failure of the power
+    });
     written.map_err(|source| FileError::Write { path: path.to_owned(), source })
 }

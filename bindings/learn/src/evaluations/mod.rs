@@ -48,19 +48,28 @@ pub(crate) struct Evaluations {
     rows: Vec<EvaluationRow>,
 }
 
+/// How far the run is that is evaluated.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Trained {
+    /// The steps that it has made.
+    pub steps: u64,
+    /// Those before its last update; `None` if it has made none. Only evaluations after these can be due.
+    pub before_last_update: Option<u64>,
+}
+
 impl Evaluations {
-    /// The evaluations of the run in the folder, after `trained_steps` steps; `None` if it makes none.
+    /// The evaluations of the run in the folder; `None` if it makes none.
     pub fn open(
         folder: &Path,
         run: &RunDescription,
-        trained_steps: u64,
+        trained: Trained,
         threads: usize,
     ) -> Result<Option<Evaluations>, TrainError> {
         let Some(every) = run.config.evaluate_every else { return Ok(None) };
         let evaluator = Evaluator::open(folder, run, threads)?;
-        let (files, rows) = EvaluationFiles::open(folder, trained_steps)?;
+        let (files, rows) = EvaluationFiles::open(folder, every, trained)?;
         let total = run.config.steps;
-        let is_due = trained_steps < total || rows.last().is_none_or(|last| last.steps < total);
+        let is_due = trained.steps < total || rows.last().is_none_or(|last| last.steps < total);
         let (folder, run) = (folder.to_owned(), run.clone());
         let evaluations = Evaluations { folder, run, every, evaluator, files, rows };
         evaluations.restore_best()?;
@@ -89,17 +98,13 @@ impl Evaluations {
     }
 
     /// The step count whose evaluation is due, if one is: a multiple of `every`, or the end of the run.
-    /// Those that the present weights are too old for are left out; they were lost with a file.
     fn due(&self, trained_steps: u64) -> Option<u64> {
         let total = self.run.config.steps;
-        let mut steps = match self.rows.last() {
+        let steps = match self.rows.last() {
             None => 0,
             Some(last) if last.steps >= total => return None,
             Some(last) => self.after(last.steps),
         };
-        while steps < total && steps + self.run.config.steps_per_update() <= trained_steps {
-            steps = self.after(steps);
-        }
         (steps <= trained_steps).then_some(steps)
     }
 

@@ -13,12 +13,11 @@ pub(crate) struct CsvLog {
 }
 
 impl CsvLog {
-    /// Opens the log of a run that has made `updates` updates, and removes lines after those: they are of
-    /// updates that are made again. A process that is killed meanwhile leaves the old file.
-    pub fn open(path: &Path, updates: u64) -> Result<CsvLog, FileError> {
+    /// Opens the log of a run that continues after these lines, and removes all others. A process that is
+    /// killed meanwhile leaves the old file.
+    pub fn open(path: &Path, kept: &KeptLines) -> Result<CsvLog, FileError> {
         let error = |source| FileError::Write { path: path.to_owned(), source };
-        let kept = if updates == 0 { String::new() } else { kept(&read_text(path)?, updates) };
-        crate::tensors::write(path, kept.as_bytes())?;
+        crate::tensors::write(path, kept.text.as_bytes())?;
         let file = OpenOptions::new().append(true).open(path).map_err(error)?;
         Ok(CsvLog { path: path.to_owned(), file })
     }
@@ -37,15 +36,54 @@ impl CsvLog {
         };
         append().map_err(|source| FileError::Write { path: self.path.clone(), source })
     }
+
+    /// Waits until the lines are on the disk.
+    pub fn sync(&self) -> Result<(), FileError> {
+        self.file.sync_data().map_err(|source| FileError::Write { path: self.path.clone(), source })
+    }
 }
 
-/// The header and the lines of the first updates.
-fn kept(text: &str, updates: u64) -> String {
-    let is_kept = |line: &&str| {
-        let update = line.split(',').next().and_then(|update| update.parse::<u64>().ok());
-        line.ends_with('\n') && update.is_none_or(|update| update <= updates)
-    };
-    text.split_inclusive('\n').filter(is_kept).collect()
+/// The header and the lines of the updates that a run has made.
+pub(crate) struct KeptLines {
+    text: String,
+    /// Steps before the last of these updates; `None` if there is none.
+    pub steps_before: Option<u64>,
+}
+
+impl KeptLines {
+    /// Reads the lines of the first `updates` updates. Those after them are of updates that are made again.
+    ///
+    /// # Errors
+    /// If one is missing: each was written before the checkpoint that says that its update was made.
+    pub fn read(path: &Path, updates: u64) -> Result<KeptLines, FileError> {
+        let Some(before) = updates.checked_sub(1) else {
+            return Ok(KeptLines { text: String::new(), steps_before: None });
+        };
+        let whole = read_text(path)?;
+        let mut lines = whole.split_inclusive('\n').filter(|line| line.ends_with('\n'));
+        let mut text = lines.next().unwrap_or_default().to_owned();
+        let mut steps_before = 0;
+        for update in 1..=updates {
+            let line = lines.next().unwrap_or_default();
+            let mut numbers = line.trim_end().split(',').map(|number| number.parse::<u64>().ok());
+            let (Some(Some(of_line)), Some(Some(steps))) = (numbers.next(), numbers.next()) else {
+                return Err(missing(path, update, updates));
+            };
+            if of_line != update {
+                return Err(missing(path, update, updates));
+            }
+            if update == before {
+                steps_before = steps;
+            }
+            text += line;
+        }
+        Ok(KeptLines { text, steps_before: Some(steps_before) })
+    }
+}
+
+fn missing(path: &Path, update: u64, updates: u64) -> FileError {
+    let why = format!("it has no line of update {update}, but the checkpoint is of {updates} updates");
+    FileError::Damaged { path: path.to_owned(), why }
 }
 
 #[cfg(test)]
@@ -61,8 +99,34 @@ mod tests {
         let text = "update,steps\n1,100\n2,200\n3,";
         std::fs::write(&path, text).unwrap();
         std::fs::hard_link(&path, &old).unwrap();
-        CsvLog::open(&path, 1).unwrap();
+        CsvLog::open(&path, &KeptLines::read(&path, 1).unwrap()).unwrap();
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "update,steps\n1,100\n");
         assert_eq!(std::fs::read_to_string(&old).unwrap(), text, "nothing wrote into the old file");
+    }
+
+    #[test]
+    fn a_line_that_is_missing_is_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("log.csv");
+        let read = |text: &str, updates| {
+            std::fs::write(&path, text).unwrap();
+            KeptLines::read(&path, updates)
+        };
+        let whole = "update,steps\n1,100\n2,200\n3,290\n";
+        for (updates, before) in [(0, None), (1, Some(0)), (2, Some(100)), (3, Some(200))] {
+            assert_eq!(read(whole, updates).unwrap().steps_before, before);
+        }
+        for (text, missing) in [
+            ("", 1),
+            ("update,steps\n", 1),
+            ("1,100\n2,200\n3,290\n", 1),
+            ("update,steps\n1,100\n3,290\n", 2),
+            ("update,steps\n1,100\n2,200\n", 3),
+            ("update,steps\n1,100\n2,200\n3,290", 3),
+        ] {
+            let error = read(text, 3).err().unwrap().to_string();
+            let expected = format!("has no line of update {missing}, but the checkpoint is of 3 updates");
+            assert!(error.contains("log.csv` is damaged") && error.contains(&expected), "{text:?}: {error}");
+        }
     }
 }

@@ -3,5 +3,5 @@
 mod csv;
 mod tensorboard;
 
-pub(crate) use csv::CsvLog;
+pub(crate) use csv::{CsvLog, KeptLines};
 pub(crate) use tensorboard::TensorBoardLog;

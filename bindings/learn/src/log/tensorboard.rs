@@ -17,25 +17,18 @@ use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// An event file of this process.
+/// An event file of this process. It begins with the first event: a process that makes none leaves none.
 pub(crate) struct TensorBoardLog {
-    path: PathBuf,
-    file: File,
+    folder: PathBuf,
+    /// Where the run continues.
+    steps: u64,
+    file: Option<(PathBuf, File)>,
 }
 
 impl TensorBoardLog {
-    /// Begins a file in the folder. `steps` is where the run continues.
-    pub fn begin(folder: &Path, steps: u64) -> Result<TensorBoardLog, FileError> {
-        let name = format!("events.out.tfevents.{:.6}.{}", now(), std::process::id());
-        let path = folder.join(name);
-        let file = File::create(&path).map_err(|source| FileError::Write { path: path.clone(), source })?;
-        let mut log = TensorBoardLog { path, file };
-        log.write(&event(0, |event| bytes_field(event, 3, b"brain.Event:2")))?;
-        if steps > 0 {
-            let session_start = [1 << 3, 1];
-            log.write(&event(steps + 1, |event| bytes_field(event, 7, &session_start)))?;
-        }
-        Ok(log)
+    /// A file in the folder. `steps` is where the run continues.
+    pub fn new(folder: &Path, steps: u64) -> TensorBoardLog {
+        TensorBoardLog { folder: folder.to_owned(), steps, file: None }
     }
 
     /// Adds the values of an update, except those that do not exist yet.
@@ -63,12 +56,30 @@ impl TensorBoardLog {
             message.extend((value as f32).to_le_bytes());
             bytes_field(&mut summary, 1, &message);
         }
-        self.write(&event(steps, |event| bytes_field(event, 5, &summary)))
+        let values = framed(&event(steps, |event| bytes_field(event, 5, &summary)));
+        let (path, mut file, bytes) = match self.file.take() {
+            Some((path, file)) => (path, file, values),
+            None => {
+                let name = format!("events.out.tfevents.{:.6}.{}", now(), std::process::id());
+                let path = self.folder.join(name);
+                let created = File::create(&path);
+                let file = created.map_err(|source| FileError::Write { path: path.clone(), source })?;
+                (path, file, [self.beginning(), values].concat())
+            }
+        };
+        let written = file.write_all(&bytes);
+        let (path, _) = self.file.insert((path, file));
+        written.map_err(|source| FileError::Write { path: path.clone(), source })
     }
 
-    fn write(&mut self, data: &[u8]) -> Result<(), FileError> {
-        let written = self.file.write_all(&framed(data));
-        written.map_err(|source| FileError::Write { path: self.path.clone(), source })
+    /// The first records of a file.
+    fn beginning(&self) -> Vec<u8> {
+        let mut records = framed(&event(0, |event| bytes_field(event, 3, b"brain.Event:2")));
+        if self.steps > 0 {
+            let session_start = [1 << 3, 1];
+            records.extend(framed(&event(self.steps + 1, |event| bytes_field(event, 7, &session_start))));
+        }
+        records
     }
 }
 
