@@ -53,6 +53,32 @@ fn runs_of_two_algorithms_are_compared() {
     assert_eq!(intervals(&report), intervals(&again));
 }
 
+/// As marl-eval scales those of `metrics.json`, which has the episodes with one kind of actions.
+#[test]
+fn returns_are_scaled_by_the_episodes_that_are_compared() {
+    let place = Place::new();
+    train(&place, "runs", 1, &evaluated());
+    let benchmark = read(&place, &[("a", "runs")]).unwrap();
+    let run = &benchmark.algorithms[0].tasks["3m"][0];
+    let of_kinds = Choice::BOTH.map(|actions| {
+        let played = run.evaluations.iter().flat_map(|played| played.episodes(actions));
+        let returns =
+            played.chain(run.final_episodes(actions)).map(|played| f64::from(played.episode_return));
+        let widest = [f64::INFINITY, f64::NEG_INFINITY];
+        returns.fold(widest, |[low, high], value| [low.min(value), high.max(value)])
+    });
+    assert_ne!(of_kinds[0], of_kinds[1]);
+    for ((actions, result), [low, high]) in
+        Choice::BOTH.into_iter().zip([run.result.greedy, run.result.sampled]).zip(of_kinds)
+    {
+        let report = Report::new(&benchmark, actions, 1);
+        let of_return = |of: &&smaclite_lab::Aggregate| of.metric == Metric::Return && of.task.is_none();
+        let mean = report.aggregates.iter().find(of_return).unwrap().mean.value;
+        let expected = (result.mean_return - low) / (high - low);
+        assert!((mean - expected).abs() < 1e-9, "{mean} instead of {expected}");
+    }
+}
+
 /// The structure that marl-eval reads. A test in Python loads a file with its code.
 #[test]
 fn metrics_have_the_episodes_of_every_evaluation() {
