@@ -76,7 +76,8 @@ fn a_team_is_exploited() {
         printed.ends_with(&format!("exploitability  {:.1} % of the points\n", 100.0 * most)),
         "{printed}"
     );
-    check_error(folder, &format!("{exploit} --out responses"), 1, "`responses/seed-4` already holds a run");
+    let taken = "`responses/seed-4` already holds a run, and `exploit` continues none; choose another folder";
+    check_error(folder, &format!("{exploit} --out responses"), 1, taken); // it named --resume
     check_error(folder, "exploit nowhere", 1, "`nowhere` is not the folder of a run");
     output(folder, "train 5m_vs_6m --steps 256 --num-envs 8 --horizon 16 --hidden 16,16 --out runs/5m");
     check_error(folder, "exploit runs/5m", 1, "5m");
