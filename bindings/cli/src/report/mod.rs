@@ -100,8 +100,8 @@ impl WriteReport {
         };
         let report = Report::new(&benchmark, actions, self.seed);
         let results = Results { benchmark, actions, report, times, notes, metrics };
-        tables::print(&results)?;
-        write(&self.out, &results)
+        write(&self.out, &results)?; // first: the files do not depend on who reads the output
+        tables::print(&results)
     }
 }
 

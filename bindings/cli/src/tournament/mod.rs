@@ -77,12 +77,15 @@ impl PlayTournament {
             threads: self.threads.unwrap_or(PoolOptions::default().threads),
         };
         let result = tournament.play(&mut || interrupted.load(Ordering::Relaxed))?;
+        // First: the files do not depend on who reads the output.
+        if let Some(out) = &self.out {
+            write(out, &result)?;
+        }
         if self.json {
             out!("{}", serde_json::to_string(&result)?)?;
-        } else {
-            report::print(&result)?;
+            return Ok(());
         }
-        self.out.map_or(Ok(()), |out| write(&out, &result))
+        report::print(&result)
     }
 
     fn setup(&self) -> Result<Option<BattleSetup>, Box<dyn Error>> {

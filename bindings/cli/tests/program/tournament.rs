@@ -1,8 +1,9 @@
 //! Tournaments by the program: tables, files, errors.
 
-use crate::kit::{check_error, output};
+use crate::kit::{check_error, output, program};
 use serde_json::Value;
 use std::fs;
+use std::process::Stdio;
 
 const SCRIPTS: &str = "tournament attack_move nearest focus_fire --scenario 3m --episodes 40 --seed 1";
 
@@ -50,6 +51,38 @@ fn the_files_agree() {
     let svg = read("matrix.svg");
     assert_eq!((svg.matches("<rect ").count(), svg.matches("rotate(-45)").count()), (8, 3), "{svg}");
     assert!(svg.contains("<title>nearest against attack_move: 40-0-0</title>"), "{svg}");
+}
+
+/// They were written after the output, whose reader decided whether there were any.
+#[test]
+fn an_output_that_is_closed_or_full_loses_no_files() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let files = |name: &str| {
+        let entries = fs::read_dir(folder.join(name)).expect("a folder");
+        let files = entries.map(|entry| entry.expect("an entry").path()).map(|path| {
+            let name = path.file_name().expect("a name").to_owned();
+            (name, fs::read(path).expect("a file"))
+        });
+        files.collect::<std::collections::BTreeMap<_, _>>()
+    };
+    output(
+        folder,
+        "train 3m --num-envs 8 --horizon 16 --hidden 16,16 --steps 256 --evaluate-every 256 --out run",
+    );
+    for (name, command) in [("t", SCRIPTS), ("r", "report run --skip-times")] {
+        output(folder, &format!("{command} --out {name}-read"));
+        let (reader, writer) = std::io::pipe().expect("a pipe");
+        drop(reader);
+        let full = fs::OpenOptions::new().write(true).open("/dev/full").expect("a file");
+        for (end, stdout, status) in [("closed", Stdio::from(writer), 0), ("full", Stdio::from(full), 1)] {
+            let out = format!("{name}-{end}");
+            let mut command = program(folder, &format!("{command} --out {out}"));
+            let done = command.stdout(stdout).output().expect("the program starts");
+            assert_eq!(done.status.code(), Some(status), "{out}: {done:?}");
+            assert!(files(&out) == files(&format!("{name}-read")), "{out}");
+        }
+    }
 }
 
 #[test]
