@@ -2,11 +2,14 @@
 //! improvement, each for light and for dark pages.
 
 use super::Results;
-use super::chart::{Bar, Line, Panel, THEMES, bars, lines};
+use super::chart::{Bar, Line, Panel, THEMES, Theme, bars, lines};
 use smaclite_lab::{Estimate, Metric};
 
 /// Panels beside each other.
 const COLUMNS: usize = 2;
+
+/// What the pictures of a metric show, as their names say.
+const KINDS: [&str; 4] = ["curves", "means", "profiles", "improvement"];
 
 /// A picture: its name without the ending, what it shows, and how it is drawn.
 struct Figure {
@@ -30,10 +33,24 @@ pub(super) fn all(results: &Results) -> Vec<(String, String)> {
                 Content::Lines(panels) => lines(&title, panels, COLUMNS, theme),
                 Content::Bars(all, axis, mark) => bars(&title, axis, all, *mark, theme),
             };
-            files.push((format!("{name}{}.svg", theme.suffix), svg));
+            files.push((file_name(&name, theme), svg));
         }
     }
     files
+}
+
+/// The names of all files that a report may have, whatever its runs are.
+pub(super) fn file_names() -> impl Iterator<Item = String> {
+    let figures = KINDS.iter().flat_map(|kind| Metric::ALL.map(|metric| figure_name(kind, metric)));
+    figures.flat_map(|figure| THEMES.iter().map(move |theme| file_name(&figure, theme)))
+}
+
+fn figure_name(kind: &str, metric: Metric) -> String {
+    format!("{kind}-{}", metric.name())
+}
+
+fn file_name(figure: &str, theme: &Theme) -> String {
+    format!("{figure}{}.svg", theme.suffix)
 }
 
 /// Names without endings, and titles.
@@ -47,21 +64,20 @@ fn figures(results: &Results) -> Vec<Figure> {
     for metric in Metric::ALL {
         let axis = axis(metric);
         let what = format!("{}, {actions}", axis.trim_end_matches(" (%)"));
-        let mut add = |name: &str, title: String, content: Content| {
-            figures.push(Figure { name: format!("{name}-{}", metric.name()), title, content });
-        };
+        let [of_curves, of_means, of_profiles, of_improvement] = KINDS.map(|kind| figure_name(kind, metric));
+        let mut add = |name, title, content| figures.push(Figure { name, title, content });
         let title = format!("{what}: interquartile mean of the seeds, 95 % interval");
-        add("curves", title, Content::Lines(curves(results, metric)));
+        add(of_curves, title, Content::Lines(curves(results, metric)));
         if !results.report.profiles.is_empty() {
             let title = format!("{what}: interquartile mean of the final episodes, 95 % interval");
-            add("means", title, Content::Bars(means(results, metric), axis, None));
+            add(of_means, title, Content::Bars(means(results, metric), axis, None));
             let title = format!("{what}: share of runs above a score");
-            add("profiles", title, Content::Lines(profiles(results, metric)));
+            add(of_profiles, title, Content::Lines(profiles(results, metric)));
         }
         if !results.report.improvements.is_empty() {
             let title = format!("{what}: probability of improvement, 95 % interval");
             let bars = Content::Bars(improvements(results, metric), "probability (%)", Some(0.5));
-            add("improvement", title, bars);
+            add(of_improvement, title, bars);
         }
     }
     figures

@@ -40,8 +40,8 @@ pub(super) struct WriteReport {
     /// the folder
     #[arg(required = true, value_name = "[NAME=]FOLDER")]
     runs: Vec<String>,
-    /// Folder for report.md, its pictures (SVG), CSV files, and metrics.json for marl-eval; files of these
-    /// names are replaced
+    /// Folder for report.md, its pictures (SVG), CSV files, and metrics.json for marl-eval; those of an earlier
+    /// report are replaced or removed
     #[arg(long, value_name = "FOLDER")]
     out: PathBuf,
     /// Which episodes are compared: those with the most probable actions, or with sampled ones
@@ -65,6 +65,9 @@ fn choice() -> impl TypedValueParser<Value = Choice> {
 
 /// When the teams of runs first won, with greedy and with sampled actions, by the folders of the runs.
 type Times = BTreeMap<PathBuf, [FirstWin; 2]>;
+
+/// The file for marl-eval, which a report has if it can be made.
+const METRICS: &str = "metrics.json";
 
 /// Everything that is written.
 struct Results {
@@ -150,25 +153,27 @@ fn not_measured(benchmark: &Benchmark, times: &Times) -> Vec<String> {
     notes
 }
 
-/// The names of the files that a report may have.
+/// Writes the files of the report, and removes those of an earlier one, which would be taken for files of this
+/// one.
 fn write(folder: &Path, results: &Results) -> CommandResult {
     let mut all = vec![("report.md".to_owned(), tables::markdown(results))];
     all.extend(files::all(results).map(|(name, text)| (name.to_owned(), text)));
     all.extend(figures::all(results));
-    for (name, text) in all {
+    all.extend(results.metrics.iter().map(|text| (METRICS.to_owned(), text.clone())));
+    for (name, text) in &all {
         write_file(&folder.join(name), |output| output.write_all(text.as_bytes()))?;
     }
-    let metrics = folder.join("metrics.json");
-    match &results.metrics {
-        Some(text) => write_file(&metrics, |output| output.write_all(text.as_bytes())),
-        // One of an earlier report is not of these runs.
-        None => match std::fs::remove_file(&metrics) {
+    let not_always = figures::file_names().chain([METRICS.to_owned()]);
+    for name in not_always.filter(|name| all.iter().all(|(written, _)| written != name)) {
+        let path = folder.join(name);
+        match std::fs::remove_file(&path) {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
-                Err(format!("{}: {error}", metrics.display()).into())
+                return Err(format!("{}: {error}", path.display()).into());
             }
-            _ => Ok(()),
-        },
+            _ => {}
+        }
     }
+    Ok(())
 }
 
 #[cfg(test)]

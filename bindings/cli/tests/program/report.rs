@@ -53,8 +53,11 @@ fn two_algorithms_are_reported() {
     let metrics: Value = serde_json::from_str(&one["metrics.json"]).expect("JSON");
     assert_eq!(metrics["smaclite"]["3m"]["mappo"]["run_1"]["step_1"]["step_count"], 300);
 
-    let quick = output(folder, "report runs/ippo --out quick --skip-times");
+    // In the folder of the report of two, whose pictures of who is better stayed beside an empty table.
+    let quick = output(folder, "report runs/ippo --out one --skip-times");
     assert!(!quick.contains("until a team won"), "{quick}");
+    output(folder, "report runs/ippo --out quick --skip-times");
+    assert_eq!(files(&folder.join("one")), files(&folder.join("quick")));
 }
 
 /// A learner of one's own may leave no `time_to_win.json`: its teams were reported as ones that never won.
