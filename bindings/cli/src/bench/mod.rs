@@ -50,9 +50,9 @@ pub(super) struct Bench {
     /// Seconds to measure per scenario
     #[arg(long, default_value_t = 3.0)]
     seconds: f64,
-    /// How idle threads wait: adaptive, spin or block
-    #[arg(long, default_value = "adaptive", value_name = "STRATEGY")]
-    wait: WaitStrategy,
+    /// How idle threads of a pool wait: adaptive, spin or block [default: adaptive]
+    #[arg(long, value_name = "STRATEGY")]
+    wait: Option<WaitStrategy>,
     /// Print one JSON object per scenario
     #[arg(long)]
     json: bool,
@@ -104,6 +104,17 @@ impl Bench {
             Mode::Attached => PoolOptions::for_other_processes(),
             Mode::Embedded | Mode::Engine | Mode::InTurn => PoolOptions::default(),
         };
+        if let Mode::Engine | Mode::InTurn = self.mode {
+            let of_pools = [
+                ("--threads", self.threads.is_some()),
+                ("--batch-size", self.batch_size.is_some()),
+                ("--wait", self.wait.is_some()),
+            ];
+            if let Some((option, _)) = of_pools.into_iter().find(|(_, is_given)| *is_given) {
+                let mode = self.mode.name();
+                return Err(format!("{option} has no effect in the mode `{mode}`, which has no pool").into());
+            }
+        }
         let threads = self.threads.unwrap_or(default.threads);
         let num_envs = self.num_envs;
         let batch_size = self.batch_size.unwrap_or(num_envs);
@@ -113,7 +124,7 @@ impl Bench {
         })?;
         let standard = || Scenario::standard_names().map(str::to_owned).collect();
         let names: Vec<String> = if self.scenarios.is_empty() { standard() } else { self.scenarios.clone() };
-        let options = PoolOptions { threads, wait: self.wait };
+        let options = PoolOptions { threads, wait: self.wait.unwrap_or(default.wait) };
         let (policy, mode) = (self.policy, self.mode);
         let workload = |name: &String| -> Result<Workload, Box<dyn Error>> {
             Ok(Workload {

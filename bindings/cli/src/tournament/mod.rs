@@ -10,7 +10,7 @@ use crate::number::{count, seed};
 use crate::picture::write_file;
 use crate::process::interrupt_flag;
 use clap::Args;
-use smaclite_engine::{BattleSetup, Rules};
+use smaclite_engine::{BattleSetup, Opponent, Rules};
 use smaclite_lab::{Tournament, TournamentResult};
 use smaclite_learn::resolve_scenario;
 use smaclite_pool::PoolOptions;
@@ -64,6 +64,10 @@ pub(super) struct PlayTournament {
 
 impl PlayTournament {
     pub(super) fn run(self) -> CommandResult {
+        let is_script = |player: &String| Opponent::scripts().any(|script| script.name() == player);
+        if self.greedy && self.players.iter().all(is_script) {
+            return Err("--greedy has no effect on scripts; leave it out, or name a trained team".into());
+        }
         if let Some(out) = &self.out {
             std::fs::create_dir_all(out).map_err(|error| format!("--out {}: {error}", out.display()))?;
         }

@@ -252,6 +252,13 @@ fn options_without_effect_are_refused() {
         ("record 2s3z --lane foo --out b.smreplay", 2, "cannot be used with '--lane <NAME>'"),
         ("record --from a.snapshot --env 1 --out b.smreplay", 2, "cannot be used with"),
         ("dataset record run --rules paper --episodes 1 --out a.smdata", 1, "--rules has no effect on a run"),
+        (
+            "bench 3m --mode engine --threads 4",
+            1,
+            "--threads has no effect in the mode `engine`, which has no",
+        ),
+        ("bench 3m --mode in-turn --batch-size 8", 1, "--batch-size has no effect in the mode `in-turn`"),
+        ("bench 3m --mode engine --wait spin", 1, "--wait has no effect in the mode `engine`"),
         ("show 2s3z --seed 3", 1, "--seed is for generated scenarios; `2s3z` is none"),
         (
             "show a.snapshot --samples 2",

@@ -129,6 +129,9 @@ fn errors_say_what_is_accepted() {
     );
     check_error(folder, "tournament kite hold --rules paper", 2, "--scenario <MAP>");
     check_error(folder, "tournament kite hold --scenario 3n", 1, "did you mean `3m`");
+    let greedy = "tournament kite hold --scenario 3m --greedy --out none";
+    check_error(folder, greedy, 1, "--greedy has no effect on scripts; leave it out");
+    assert!(!folder.join("none").exists(), "a command that fails leaves no folder");
     check_error(
         folder,
         "tournament kite hld --scenario 3m",
