@@ -106,6 +106,13 @@ pub(super) fn evaluation(row: &EvaluationRow) -> String {
     format!("evaluated at {} steps: wins {greedy:.1} % greedy, {sampled:.1} % sampled", row.steps)
 }
 
+/// A line that replaces the last one. A terminal that is not wide enough for it cuts it off: of a line that is
+/// wrapped, the next one would replace the end alone.
+fn in_place(line: &str) -> String {
+    let [erase, no_wrap, wrap] = ["\r\x1b[K", "\x1b[?7l", "\x1b[?7h"];
+    format!("{erase}{no_wrap}{line}{wrap}")
+}
+
 /// Lines of progress: one that changes in a terminal, or one every five seconds.
 pub(super) struct Lines {
     terminal: bool,
@@ -122,7 +129,7 @@ impl Lines {
     /// Shows a line that may be replaced by the next one.
     pub(super) fn show(&mut self, line: String) -> CommandResult {
         if self.terminal {
-            write!(Output, "\r\x1b[K{line}")?;
+            write!(Output, "{}", in_place(&line))?;
             Output.flush()?;
         } else if self.last_line.is_none_or(|last| last.elapsed() >= LINE_INTERVAL) {
             out!("{line}")?;
@@ -152,5 +159,16 @@ impl Lines {
         }
         out!("{end}")?;
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A line of more columns than the terminal has was wrapped, and its first rows stayed for ever.
+    #[test]
+    fn a_line_that_changes_is_not_wrapped() {
+        assert_eq!(in_place("3m: 5 of 9 steps"), "\r\x1b[K\x1b[?7l3m: 5 of 9 steps\x1b[?7h");
     }
 }

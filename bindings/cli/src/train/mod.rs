@@ -181,10 +181,14 @@ hyperparameters! {
     max_grad_norm: f64,
 }
 
-/// Why a training ended whose progress could not be shown: unlike a list that `| head` cuts off, it is not
-/// complete then.
-fn incomplete(error: Box<dyn Error>) -> Box<dyn Error> {
-    if output::is_closed(error.as_ref()) { Interrupted.into() } else { error }
+/// Why a training in this folder ended whose progress could not be shown: unlike a list that `| head` cuts
+/// off, it is not complete then.
+fn incomplete(error: Box<dyn Error>, folder: &Path) -> Box<dyn Error> {
+    if output::is_closed(error.as_ref()) {
+        let folder = folder.display();
+        return format!("standard output was closed; resume with --resume {folder}").into();
+    }
+    error
 }
 
 /// What is trained.
@@ -199,11 +203,12 @@ impl Train {
         let cores = std::thread::available_parallelism().map_or(1, |cores| cores.get());
         let threads = self.threads.unwrap_or(cores);
         let (json, steps) = (self.json, self.steps);
+        let folder = self.resume.as_ref().or(self.out.as_ref()).cloned().unwrap_or_default();
         let interrupted = interrupt_flag_once()?;
         let stop = || interrupted.load(Ordering::Relaxed);
         let (mut run, name) = match self.open(threads, &mut || stop())? {
             Opened::One(run, name) => (run, name),
-            Opened::Several(runs) => return seeds::train(&runs, steps, threads, json, &stop),
+            Opened::Several(runs) => return seeds::train(&runs, steps, threads, json, &folder, &stop),
         };
         let mut display = Display::new(json, name, run.config().steps);
         let mut evaluated = run.evaluations().len();
@@ -219,7 +224,7 @@ impl Train {
                     }
                     if let Err(error) = shown {
                         run.checkpoint()?; // the output was closed, but what was learnt is not lost
-                        return Err(incomplete(error));
+                        return Err(if record.is_none() { error } else { incomplete(error, &folder) });
                     }
                     if record.is_none() {
                         break true;

@@ -9,16 +9,18 @@ use smaclite_learn::{Record, RunDescription, SeedEvent, Seeds};
 use std::collections::BTreeMap;
 use std::error::Error;
 use std::io;
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Trains the runs and shows how far they are.
+/// Trains the runs, which are in the folder, and shows how far they are.
 pub(super) fn train(
     runs: &Seeds,
     steps: Option<u64>,
     threads: usize,
     json: bool,
+    folder: &Path,
     interrupted: &(dyn Fn() -> bool + Sync),
 ) -> CommandResult {
     let display = Mutex::new(Display::new(runs, steps, json)?);
@@ -44,7 +46,8 @@ pub(super) fn train(
         return Err(failed.join("\n").into());
     }
     if let Some(error) = display.error.take() {
-        return Err(incomplete(error.into()));
+        let is_complete = display.complete == display.seeds;
+        return Err(if is_complete { error.into() } else { incomplete(error.into(), folder) });
     }
     let is_interrupted = interrupted() && display.complete < display.seeds;
     display.end(is_interrupted)?;

@@ -165,7 +165,7 @@ fn an_output_that_is_closed_loses_no_training() {
     let arguments = format!("train 3m --steps 1e8 --evaluate-every 2k --out run {SMALL}");
     let mut child = program(folder, &arguments)
         .stdout(Stdio::piped())
-        .stderr(Stdio::null())
+        .stderr(Stdio::piped())
         .spawn()
         .expect("the program starts");
     // The next line of an update comes five seconds after the first, so that of an evaluation fails.
@@ -174,7 +174,10 @@ fn an_output_that_is_closed_loses_no_training() {
     assert!(lines[0].starts_with("3m: evaluated at 0 steps"), "{lines:?}");
     assert!(lines[1].contains(" of 100000000 steps"), "{lines:?}");
     drop(printed);
-    assert_eq!(child.wait().expect("an end").code(), Some(1), "the training is not complete");
+    let done = child.wait_with_output().expect("an end");
+    assert_eq!(done.status.code(), Some(1), "the training is not complete");
+    let message = "smaclite-pool: standard output was closed; resume with --resume run\n"; // there was none
+    assert_eq!(String::from_utf8_lossy(&done.stderr), message);
     let log = fs::read_to_string(folder.join("run/log.csv")).expect("the log");
     let updates = log.lines().count() as u64 - 1;
     let steps = updates * 128 + 100;
