@@ -343,10 +343,10 @@ fn images(scenario: &Scenario, rules: Rules) -> usize {
         units.map(|(id, unit)| (unit.unit_type, arena.start(id))).collect::<Vec<_>>()
     };
     let (agents, enemies) = (starts(Faction::Ally), starts(Faction::Enemy));
-    let is_image = |((a, at), (b, image)): &(&(usize, [f64; 2]), &(usize, [f64; 2]))| {
+    let is_image = |(a, at): &(usize, [f64; 2]), (b, image): &(usize, [f64; 2])| {
         a == b && (0..2).all(|axis| (at[axis] + image[axis] - sides[axis]).abs() < 1e-5)
     };
-    agents.iter().zip(&enemies).filter(is_image).count()
+    agents.iter().zip(&enemies).filter(|(one, other)| is_image(one, other)).count()
 }
 
 /// The mirror of both sides is half a turn. As in the game, it maps agents to enemies under no rules but the
