@@ -6,8 +6,7 @@
 //! [`EASIEST`] if that is less, so that no copy is forgotten. The estimate of the win rate begins at 0; each
 //! episode against the copy moves it by 1 / [`MEMORY`] of the way to 1 if the team won, and to 0 otherwise.
 //! So a new copy is hard to beat until episodes show that it is not: it is drawn often, and others retire
-//! before it. With 1/2 it was the easiest one wherever draws were common, and the first copies stayed for
-//! ever.
+//! before it. With 1/2 it was the easiest one wherever draws were common, and the first copies never left.
 
 use crate::random::uniform;
 use crate::team::Network;
