@@ -6,7 +6,8 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::{Map, Value, json};
 use smaclite_engine::{
-    Arena, FeatureBlock, Rules, SIGHT_RANGE, TARGETING_RANGE, action_names, feature_bounds, obs_features, state_features,
+    Arena, FeatureBlock, Rules, SIGHT_RANGE, TARGETING_RANGE, action_names, feature_bounds, obs_features,
+    state_features,
 };
 use smaclite_scenarios::{Faction, Scenario, Terrain};
 use smaclite_units::{Plane, Targeter, UnitType};

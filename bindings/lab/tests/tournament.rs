@@ -146,6 +146,16 @@ fn a_battle_without_survivors_is_a_draw() {
     assert!(itself.mean_length < 60.0, "{itself:?}");
 }
 
+/// Exchanged sides of such a scenario would not be exchanged: the agents would still be those in the middle.
+#[test]
+fn what_marches_plays_no_agents_whose_starts_are_drawn() {
+    let result =
+        play(&Tournament { episodes: 4, ..tournament(&["attack_nearest", "kite"], Some("zerg_5_vs_5")) });
+    let met: Vec<_> =
+        result.scores.iter().map(|score| [score.agents.as_str(), score.enemies.as_str()]).collect();
+    assert_eq!(met, [["kite", "attack_nearest"], ["kite", "kite"]]);
+}
+
 #[test]
 fn players_that_cannot_meet_are_refused() {
     let folder = tempfile::tempdir().unwrap();

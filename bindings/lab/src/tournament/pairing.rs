@@ -43,6 +43,8 @@ impl Arenas<'_> {
     fn of(&self, agents: &Player, enemies: &Player) -> Option<(Arena, bool)> {
         match (agents, enemies) {
             (Player::March(_), Player::March(_)) => None,
+            // Drawn sides differ in more than their units: one may surround the other.
+            (Player::March(_), _) if self.scenario.generation.is_some() => None,
             // What marches has no actions, so it plays the agents as enemies of the exchanged scenario. A
             // team stands where it did in training after half a turn, as with the mirror.
             (Player::March(march), Player::Tactic(_)) => {
