@@ -124,7 +124,8 @@ impl Spectator {
         self.lane.frames.folder_use()
     }
 
-    /// The newest batch of any session that was sent since it attached, `None` before the first. Never blocks.
+    /// The newest batch of any session that was sent since it attached, `None` before the first. Never
+    /// blocks.
     pub fn latest(&mut self) -> Result<Option<&Batch>, ClientError> {
         let newer = self.newer()?;
         let lane = self.lane.get_mut()?;

@@ -78,7 +78,8 @@ fn warn(scenario: &Scenario, groups: &Node) {
     }
 }
 
-/// Adds the warnings to the report of `teams`, the teams of a valid scenario: types without targets, each once.
+/// Adds the warnings to the report of `teams`, the teams of a valid scenario: types without targets, each
+/// once.
 fn warn_of_teams(scenario: &Scenario, node: &Node) {
     let Some(generation) = &scenario.generation else { return };
     let mut warned = BTreeSet::new();
@@ -108,8 +109,8 @@ fn warn_of_blocked_squares(scenario: &Scenario, group: &Node, units: &[Placement
         n => format!(", and {n} more"),
     };
     group.conflict(&format!(
-        "puts {} at ({x}, {y}), on a blocked square that it may never leave{others}; rules `starcraft` choose \
-         free squares",
+        "puts {} at ({x}, {y}), on a blocked square that it may never leave{others}; rules `starcraft` \
+         choose free squares",
         with_article(name)
     ));
 }

@@ -426,7 +426,8 @@ fn sides_of_healers_alone_are_refused_with_the_interface_of_smacv2() {
     let [medivac, marine] = ["MEDIVAC", "MARINE"].map(|name| format!("\"units\": {{\"{name}\": 1}}"));
     let groups = |allies: &str, enemies: &str| {
         format!(
-            r#"[{{"x": 9, "y": 16, "faction": "ALLY", {allies}}}, {{"x": 23, "y": 16, "faction": "ENEMY", {enemies}}}]"#
+            r#"[{{"x": 9, "y": 16, "faction": "ALLY", {allies}}},
+                {{"x": 23, "y": 16, "faction": "ENEMY", {enemies}}}]"#
         )
     };
     let refused = |changes: &[(&str, &str)], smacv2| {

@@ -542,8 +542,8 @@ def test_a_generated_scenario_shows_what_the_seed_draws(browser: Any) -> None:
 
 @pytest.mark.skipif(not PAGE.exists(), reason="no page; see `just playground`")
 def test_what_no_battle_can_have_is_named_as_by_check(browser: Any, file: Path) -> None:
-    """A number that is too large was infinite, and then nothing could be checked; typed, it became null. Bytes
-    that are no UTF-8 text were replaced."""
+    """A number that is too large was infinite, and then nothing could be checked; typed, it became null.
+    Bytes that are no UTF-8 text were replaced."""
     valid = file.read_text()
     large = valid.replace('"x": 9,', '"x": 1e999,', 1)
     file.write_text(large)

@@ -233,14 +233,15 @@ fn episodes_begin_in_the_state_of_a_snapshot() {
     smaclite_view::export_html(&copy).unwrap();
 }
 
-/// The published code's greatest return grows with every reset, so that an episode depends on those before it,
-/// and grows otherwise where an episode was left before its end.
+/// The published code's greatest return grows with every reset, so that an episode depends on those before
+/// it, and grows otherwise where an episode was left before its end.
 #[test]
 fn episodes_with_the_published_faults_are_reproduced_alone() {
     let stalkers = r#""groups": [
         {"x": 12, "y": 16, "faction": "ALLY", "units": {"STALKER": 2}},
         {"x": 20, "y": 16, "faction": "ENEMY", "units": {"STALKER": 2}}]"#;
-    let drawn = r#""teams": {"distribution": "weighted_teams", "unit_types": ["STALKER", "ZEALOT"], "weights": [1, 1]},
+    let drawn = r#"
+        "teams": {"distribution": "weighted_teams", "unit_types": ["STALKER", "ZEALOT"], "weights": [1, 1]},
         "start_positions": {"distribution": "surrounded"}"#;
     for (kind, units) in [("fixed", stalkers), ("generated", drawn)] {
         let text = format!(

@@ -40,8 +40,8 @@ pub(super) struct WriteReport {
     /// the folder
     #[arg(required = true, value_name = "[NAME=]FOLDER")]
     runs: Vec<String>,
-    /// Folder for report.md, its pictures (SVG), CSV files, and metrics.json for marl-eval; those of an earlier
-    /// report are replaced or removed
+    /// Folder for report.md, its pictures (SVG), CSV files, and metrics.json for marl-eval; those of an
+    /// earlier report are replaced or removed
     #[arg(long, value_name = "FOLDER")]
     out: PathBuf,
     /// Which episodes are compared: those with the most probable actions, or with sampled ones
@@ -153,8 +153,8 @@ fn not_measured(benchmark: &Benchmark, times: &Times) -> Vec<String> {
     notes
 }
 
-/// Writes the files of the report, and removes those of an earlier one, which would be taken for files of this
-/// one.
+/// Writes the files of the report, and removes those of an earlier one, which would be taken for files of
+/// this one.
 fn write(folder: &Path, results: &Results) -> CommandResult {
     let mut all = vec![("report.md".to_owned(), tables::markdown(results))];
     all.extend(files::all(results).map(|(name, text)| (name.to_owned(), text)));

@@ -235,8 +235,8 @@ fn explanations(results: &Results) -> String {
          seeds of their own. The best weights are those of the evaluation with most wins.\n\
          - **Interquartile mean**: the mean of the middle half of all runs. Its 95 % interval is that of the \
          bootstrap, stratified by task: how it would vary with other seeds.\n\
-         - **Normalised return**: 0 is the lowest and 1 the highest return of an episode of the task, {actions}, \
-         in any evaluation of these runs, so it depends on what is compared.\n\
+         - **Normalised return**: 0 is the lowest and 1 the highest return of an episode of the task, \
+         {actions}, in any evaluation of these runs, so it depends on what is compared.\n\
          - **Performance profile**: the share of runs above each score. A curve above another is better.\n\
          - **Probability of improvement**: that a run of one algorithm is better than a run of the other on \
          a random task; a draw counts as a half.\n\

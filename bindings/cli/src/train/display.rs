@@ -106,8 +106,8 @@ pub(super) fn evaluation(row: &EvaluationRow) -> String {
     format!("evaluated at {} steps: wins {greedy:.1} % greedy, {sampled:.1} % sampled", row.steps)
 }
 
-/// A line that replaces the last one. A terminal that is not wide enough for it cuts it off: of a line that is
-/// wrapped, the next one would replace the end alone.
+/// A line that replaces the last one. A terminal that is not wide enough for it cuts it off: of a line that
+/// is wrapped, the next one would replace the end alone.
 fn in_place(line: &str) -> String {
     let [erase, no_wrap, wrap] = ["\r\x1b[K", "\x1b[?7l", "\x1b[?7h"];
     format!("{erase}{no_wrap}{line}{wrap}")

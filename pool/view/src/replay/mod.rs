@@ -199,8 +199,8 @@ impl Replay {
     /// Plays an episode: an iterator over its moments from the start, and step by step.
     ///
     /// # Errors
-    /// [`ReplayError::NoEpisodes`] or [`ReplayError::NoSuchEpisode`]. A moment that this version cannot reproduce is an error of the
-    /// iterator.
+    /// [`ReplayError::NoEpisodes`] or [`ReplayError::NoSuchEpisode`]. A moment that this version cannot
+    /// reproduce is an error of the iterator.
     pub fn play(&self, episode: usize) -> Result<Player<'_>, ReplayError> {
         if self.episodes.is_empty() {
             return Err(ReplayError::NoEpisodes);
