@@ -28,14 +28,14 @@ impl Battle {
     /// if there are several; no units are.
     ///
     /// # Errors
-    /// As [`Arena::check_level`]; then the battle is unchanged.
+    /// As [`Arena::check_level`](crate::Arena::check_level); then the battle is unchanged.
     pub fn reset_to(&mut self, level: &[f32]) -> Result<(), LevelError> {
         self.arena.check_level(level)?;
         self.reset_to_checked(level);
         Ok(())
     }
 
-    /// As [`reset_to`](Self::reset_to) of a level that was [checked](Arena::check_level).
+    /// As [`reset_to`](Self::reset_to) of a level that was [checked](crate::Arena::check_level).
     pub fn reset_to_checked(&mut self, level: &[f32]) {
         debug_assert_eq!(self.arena.check_level(level), Ok(()));
         let opponent = self.arena.opponents().draw(&mut self.generator);
