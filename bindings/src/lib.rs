@@ -86,12 +86,6 @@ mod _native {
     #[pymodule_export]
     const FIRST_TARGET: usize = smaclite_engine::action::FIRST_TARGET;
 
-    // In squares.
-    #[pymodule_export]
-    const SIGHT_RANGE: f64 = smaclite_engine::SIGHT_RANGE;
-    #[pymodule_export]
-    const TARGETING_RANGE: f64 = smaclite_engine::TARGETING_RANGE;
-
     // Points for a kill and for a victory, and the return that the maximum of points is scaled to.
     #[pymodule_export]
     const KILL_REWARD: f64 = smaclite_engine::KILL_REWARD;

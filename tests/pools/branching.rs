@@ -287,7 +287,7 @@ fn every_map_continues_from_its_records_with_the_same_bits() {
 /// Of enemies that a script plays, a lane of both sides keeps no-ops, which a record has not when it was read
 /// and written again in an arena of one side, as by Python's `pack_snapshot`.
 #[test]
-fn a_record_is_the_same_when_it_is_written_again_whoever_plays_the_enemies() {
+fn a_record_is_the_same_when_it_is_written_again_for_every_opponent() {
     let scenario = Scenario::standard("3m").expect("a standard scenario");
     let arena = |sides| Arc::new(Arena::new(&scenario, Rules::Smaclite).with_sides(sides));
     for (opponent, enemies, sides) in

@@ -552,7 +552,7 @@ def test_a_vector_continues_from_snapshots_at_a_reset() -> None:
 @pytest.mark.parametrize("mode", [AutoresetMode.SAME_STEP, "SameStep"])
 @pytest.mark.parametrize("more", [[], ["final_obs", "episode_length"]])
 def test_fields_of_same_step_autoreset_are_added(mode: Any, more: list[str]) -> None:
-    """The first end of an episode was an error about a field that nobody had named."""
+    """The first end of an episode was an error about a field that the caller had not named."""
     fields = ["obs", "state", "avail_actions", "snapshot", *more]
     options: dict[str, Any] = {"autoreset_mode": mode, "max_episode_steps": 3, "seed": 1}
     with (

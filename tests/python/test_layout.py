@@ -87,7 +87,8 @@ def test_the_features_of_observations_are_those_that_the_engine_writes(scenario:
                 others = [i for i in range(first, first + n_agents) if i != agent]
                 if block is layout.obs.enemies:
                     others = list(range(n_agents, n_agents + layout.n_enemies))
-                offset = (units.positions[others] - units.positions[agent]) / _native.SIGHT_RANGE
+                offset = units.positions[others] - units.positions[agent]
+                offset /= units.stats[agent]["sight_range"]
                 visible = block.column(obs[agent], "health") > 0
                 seen += int(visible.sum())
                 distance = np.hypot(offset[:, 0], offset[:, 1])
@@ -119,7 +120,7 @@ def test_action_numbers_and_the_targeting_range() -> None:
         units.update(batch["state"][0])
         for agent in np.flatnonzero(batch["alive"][0]):
             offset = units.positions[3:] - units.positions[agent]
-            near = np.hypot(offset[:, 0], offset[:, 1]) <= _native.TARGETING_RANGE
+            near = np.hypot(offset[:, 0], offset[:, 1]) <= units.stats[agent]["targeting_range"]
             available = batch["avail_actions"][0, agent, _native.FIRST_TARGET :]
             np.testing.assert_array_equal(available, near & (units.health[3:] > 0))
             targets += int(available.sum())

@@ -105,7 +105,7 @@ def test_two_teams_of_one_map_and_seed_stay_apart(browser: Any, keep: Path, tmp_
 
 
 def test_a_replay_without_the_team_of_its_enemies_says_so(browser: Any, tmp_path: Path) -> None:
-    """With another seed a script played the enemies, and `n` did nothing, both without a word."""
+    """With another seed a script played the enemies, and `n` did nothing, both without a message."""
     with Playground(browser, "scenario=3m&seed=4&opponent=all-maps") as page:
         page.wait_until_played()
         saved = save(page, tmp_path / "3m.smreplay")

@@ -152,7 +152,7 @@ def test_a_string_is_no_list_of_names() -> None:
     """It was read letter by letter: "a batch has no `o`"."""
     with sp.make("3m", 1) as envs:
         batch = envs.reset(seed=1)
-        with pytest.raises(TypeError, match=r'must be a list of strings, such as \["obs"\], got str'):
+        with pytest.raises(TypeError, match=r'^names must be a list of strings, such as \["obs"\], got str'):
             tensors(batch, "obs")
         assert [*tensors(batch, ("obs", "reward"))] == ["obs", "reward"]
 

@@ -134,7 +134,7 @@ def test_a_saved_state_has_the_same_future_again() -> None:
 
 
 def test_infos_are_those_that_the_lane_has() -> None:
-    """It was an error without a word: KeyError 'battle_won'."""
+    """It was an error without an explanation: KeyError 'battle_won'."""
     fields = ["obs", "state", "avail_actions", "snapshot", "episode_length"]
     with closing(PoolEnv("3m", 2, fields=fields)) as env:
         check_env_specs(env, seed=1)

@@ -43,7 +43,7 @@ pub fn holds_run(folder: &Path) -> Result<bool, FileError> {
     }
 }
 
-/// Refuses a folder that holds a run which nothing describes. Whoever looks for runs would overlook it.
+/// Refuses a folder that holds a run without a description. A search for runs would miss it.
 ///
 /// # Errors
 /// If it does.

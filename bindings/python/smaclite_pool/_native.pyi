@@ -24,11 +24,9 @@ __all__ = [
     "OPPONENTS",
     "REWARD_DEFAULTS",
     "REWARD_SCALE",
-    "SIGHT_RANGE",
     "SNAPSHOT_COLUMNS",
     "SOUTH",
     "STOP",
-    "TARGETING_RANGE",
     "WEST",
     "WIN_REWARD",
     "ZOO",
@@ -71,10 +69,6 @@ SNAPSHOT_COLUMNS: list[tuple[str, str, str, str]]
 DATASET_ARRAYS: list[tuple[str, str, str, str]]
 OPPONENTS: tuple[str, ...]
 ZOO: tuple[str, ...]
-
-# In squares.
-SIGHT_RANGE: Final[float]
-TARGETING_RANGE: Final[float]
 
 # Points for a kill and for a victory, and the return that the maximum of points is scaled to.
 KILL_REWARD: Final[float]

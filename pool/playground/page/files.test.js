@@ -81,7 +81,7 @@ test("a team with other weights does not replace one of the same name", () => {
   assert.equal(opened("one", "all-maps"), "all-maps (2)");
 });
 
-// What was no UTF-8 was replaced, without a word.
+// What was no UTF-8 was silently replaced.
 test("a file that is no UTF-8 text is refused", async () => {
   const refused = /^Error: a.json: cannot be read: it is not UTF-8 text$/;
   const latin1 = Uint8Array.of(0x7b, 0x22, 0xe9, 0x22, 0x3a, 0x31, 0x7d);

@@ -22,7 +22,7 @@ export function nameOf(text) {
 }
 
 /**
- * The text of a file, of which no byte is replaced.
+ * The text of a file. No byte is replaced.
  * @param {string} name
  * @param {BufferSource} bytes
  */

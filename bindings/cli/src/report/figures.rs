@@ -39,7 +39,7 @@ pub(super) fn all(results: &Results) -> Vec<(String, String)> {
     files
 }
 
-/// The names of all files that a report may have, whatever its runs are.
+/// The names of all files that a report of any runs may have.
 pub(super) fn file_names() -> impl Iterator<Item = String> {
     let figures = KINDS.iter().flat_map(|kind| Metric::ALL.map(|metric| figure_name(kind, metric)));
     figures.flat_map(|figure| THEMES.iter().map(move |theme| file_name(&figure, theme)))

@@ -166,7 +166,7 @@ impl Lines {
 mod tests {
     use super::*;
 
-    /// A line of more columns than the terminal has was wrapped, and its first rows stayed for ever.
+    /// A line of more columns than the terminal has was wrapped, and its first rows stayed.
     #[test]
     fn a_line_that_changes_is_not_wrapped() {
         assert_eq!(in_place("3m: 5 of 9 steps"), "\r\x1b[K\x1b[?7l3m: 5 of 9 steps\x1b[?7h");

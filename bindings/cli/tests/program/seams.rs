@@ -239,7 +239,7 @@ fn best_responses_that_are_kept_need_no_temporary_folder() {
     assert!(folder.join("kept/seed-1/weights.safetensors").is_file());
 }
 
-/// Options that have no effect were ignored without a word: clap does not ask for what another argument of
+/// Options that have no effect were silently ignored: clap does not ask for what another argument of
 /// the same command excludes.
 #[test]
 fn options_without_effect_are_refused() {
@@ -315,7 +315,7 @@ fn a_team_meets_the_enemies_of_its_map() {
     assert_eq!(output(folder, own), output(folder, &format!("{own} --map 3m")));
 }
 
-/// A team of other rules played the enemies without a word.
+/// A team of other rules played the enemies without a warning.
 #[test]
 fn a_team_of_other_rules_is_warned_of() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -12,7 +12,7 @@ pub enum Metric {
     WinRate,
     /// The mean return, where 0 is the lowest and 1 the highest return of all episodes of the task, with the
     /// actions that are compared, that any algorithm was evaluated with (min-max normalisation). These are
-    /// the episodes of `metrics.json`, of which marl-eval computes the same numbers.
+    /// the episodes of `metrics.json`, from which marl-eval computes the same numbers.
     Return,
 }
 

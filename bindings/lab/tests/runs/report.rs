@@ -180,7 +180,7 @@ fn runs_that_cannot_be_compared_are_refused() {
     fs::write(path.join("evaluation_episodes.csv"), episodes.replace("\n800,", "\n801,")).unwrap();
     check(&[("a", "runs")], &["at 800 steps", "evaluation_episodes.csv has 0 episodes"]);
     fs::write(path.join("evaluation_episodes.csv"), episodes).unwrap();
-    // A run that lost its description was left out without a word.
+    // A run that lost its description was silently left out.
     fs::rename(path.join("run.json"), path.join("moved")).unwrap();
     for folder in ["runs", "runs/seed-3", ""] {
         check(&[("a", folder)], &["/runs/seed-3` has final.json, a file of a run, but no run.json"]);

@@ -86,7 +86,9 @@ impl EvaluationFiles {
         // That of a killed process can be of an end after the checkpoint.
         let is_complete = FinalResult::read(&self.folder)?.is_some_and(|result| result.run_steps == made);
         if is_complete && rows.last().is_none_or(|last| last.trained_steps != made) {
-            return damaged(format!("it has no evaluation after {made} steps, of which final.json is"));
+            return damaged(format!(
+                "it has no evaluation after {made} steps, but final.json is of that many"
+            ));
         }
         Ok(())
     }

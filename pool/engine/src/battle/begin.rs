@@ -82,7 +82,7 @@ impl Battle {
         let Some(drawer) = self.arena.drawer() else { return };
         drawer.draw(&mut || self.generator.next_f64(), &mut self.drawn);
         drawer.place(&mut self.drawn);
-        // Memory is taken at the first reset alone, when the arena is still shared with other battles.
+        // Memory is allocated at the first reset alone, when the arena is still shared with other battles.
         let arena = Arc::make_mut(&mut self.arena);
         arena.set_drawn(self.drawn.allies.iter().chain(&self.drawn.enemies).copied());
         self.tables.set_types(arena);

@@ -94,7 +94,7 @@ impl<T: Fn(usize) -> u32, P: Iterator<Item = u64>> State<'_, T, P> {
         layout.put_each(record, Column::Hits, phases().map(|phase| phase.hits));
     }
 
-    /// Enemies that a script plays have no actions in a record, whatever a lane keeps for them.
+    /// Enemies that a script plays have no actions in a record, also if a lane keeps some for them.
     fn write_past_actions(
         &self,
         layout: &RecordLayout,

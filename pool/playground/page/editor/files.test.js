@@ -10,7 +10,7 @@ import { FileStore, filesOfLink } from "./files.js";
 /** @type {import("../protocol.d.ts").Builtins} */
 const builtins = JSON.parse(readFileSync(new URL("./builtins.json", import.meta.url), "utf8"));
 
-// The choice of the rules was blank, and so was it for rules that do not exist, without a word.
+// The choice of the rules was blank, and so was it for rules that do not exist, without a message.
 test("rules of a link have the name that the choices have, or are refused", async () => {
   /** @param {string} rules */
   const rulesOf = async (rules) =>

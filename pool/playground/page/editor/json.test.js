@@ -131,7 +131,7 @@ test("paths of messages lead to the values that exist", () => {
   assert.deepEqual(text.position(text.span(["groups", 0])[0]), { line: 1, column: 13 });
 });
 
-// It became null, whatever was typed.
+// Every such number became null.
 test("a number that is too large stays one", () => {
   const text = '{"a": 1, "b": [1e999, -1e999]}';
   const { a, b } = Object.fromEntries(file(text).value());
