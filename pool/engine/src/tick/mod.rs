@@ -101,10 +101,11 @@ pub(crate) struct TickScratch {
     /// Under rules `starcraft`, the units that stand in this tick, by plane.
     standing: [starcraft::Standing; 3],
     /// Under rules `starcraft`, those of them that are near one unit.
-    near: Vec<starcraft::Near>,
+    near: starcraft::Near,
     /// Under rules `starcraft`, whether a unit may have hits in flight; stale in the first tick of a step.
     may_have_hits: bool,
-    /// Under rules `starcraft`, how many units attack each unit; empty until one chooses a target.
+    /// Under rules `starcraft`, the units that choose a target in this tick, and how many units attack each.
+    choosers: Vec<starcraft::Chooser>,
     attackers: Vec<i32>,
     /// Under rules `starcraft`, health and shield of each unit before the hits of this tick.
     vitality: Vec<f64>,
@@ -164,10 +165,11 @@ impl TickScratch {
         clear_and_reserve(&mut self.unmoved, n_units);
         clear_and_reserve(&mut self.order, n_units);
         clear_and_reserve(&mut self.exploded, n_units);
-        clear_and_reserve(&mut self.attackers, n_units);
-        clear_and_reserve(&mut self.vitality, n_units);
+        clear_and_reserve(&mut self.choosers, n_units);
+        clear_and_reserve(&mut self.attackers, n_units + 1);
+        self.vitality.resize(n_units, 0.0);
         self.standing.iter_mut().for_each(|plane| plane.reserve(n_units));
-        clear_and_reserve(&mut self.near, n_units);
+        self.near.reserve(n_units);
         clear_and_reserve(&mut self.credits, n_units);
         clear_and_reserve(&mut self.before, n_units);
         clear_and_reserve(&mut self.commands, n_units);

@@ -7,7 +7,6 @@ use smaclite_units::Targeter;
 use super::super::{Earned, World, targeters};
 use super::{MAX_FLIGHT, hits};
 use crate::TICK;
-use crate::arena::Matchup;
 use crate::distance::distance;
 use crate::fast_math;
 use crate::random::Generator;
@@ -16,76 +15,78 @@ use crate::units::AttackPhase;
 /// Cosine of 11.25 degrees: a unit attacks what is within that angle of where it faces.
 const ARC: f32 = 0.980_785_3;
 
-/// Lets every living unit begin or go on with its attack.
+/// Lets every living unit begin an attack on its target or go on with it, or heal it.
 #[inline(never)]
 pub(super) fn act(world: &mut World, generator: &mut Generator, earned: &mut Earned) {
-    let arena = world.arena;
-    for at in 0..world.alive_ids.all.len() {
-        let id = world.alive_ids.all[at];
-        let i = id as usize;
-        let phase = &mut world.units.phases[i];
-        phase.backswing = fast_math::max(0.0, phase.backswing - TICK);
-        let Some(target) = world.units.target[i] else { continue };
-        let matchup = arena.matchup(id, target);
-        if world.units.hp[i] > 0.0 && matchup.can_attack {
-            advance(world, generator, id, target, matchup, earned);
+    let mut turn = 0;
+    while let Some((id, target)) = take_plain_turns(world, generator, &mut turn) {
+        match world.arena.starcraft_stats[id as usize].is_healer {
+            true => targeters::act(world, id, target, earned),
+            false => launch(world, id, target, earned),
         }
     }
 }
 
-/// Lets a unit begin an attack on its target or go on with it, or heal it.
+/// Runs turns from `turn` on, up to the first in which a unit heals or comes to its damage point; returns that
+/// unit and its target.
 #[inline(always)]
-fn advance(
-    world: &mut World,
-    generator: &mut Generator,
-    id: u32,
-    target: u32,
-    matchup: &Matchup,
-    earned: &mut Earned,
-) {
-    let (i, t) = (id as usize, target as usize);
-    let phase = &mut world.units.phases[i];
-    let is_winding_up = phase.windup > 0.0;
-    let is_healer = world.arena.starcraft_stats[i].is_healer;
-    // The target of the last attack is attacked again without a step after it.
-    let goes_on = !is_healer && (is_winding_up || phase.hit_target == Some(target));
-    let is_in_reach = matchup.reaches(world.units.pos[i], world.units.pos[t], goes_on);
-    if is_healer {
-        if is_in_reach && world.units.hp[t] > 0.0 {
-            targeters::act(world, id, target, earned);
+fn take_plain_turns(world: &mut World, generator: &mut Generator, turn: &mut usize) -> Option<(u32, u32)> {
+    let World { arena, units, alive_ids, .. } = world;
+    // Slices of one length: one check of an id serves all columns.
+    let n = units.pos.len();
+    let (pos, hp, targets) = (&units.pos[..n], &units.hp[..n], &units.target[..n]);
+    let (cooldown, phases) = (&mut units.cooldown[..n], &mut units.phases[..n]);
+    let all_stats = &arena.starcraft_stats[..n];
+    for &id in &alive_ids.all[*turn..] {
+        *turn += 1;
+        let i = id as usize;
+        let phase = &mut phases[i];
+        phase.backswing = fast_math::max(0.0, phase.backswing - TICK);
+        let Some(target) = targets[i] else { continue };
+        let (t, matchup) = (target as usize, arena.matchup(id, target));
+        if hp[i] <= 0.0 || !matchup.can_attack {
+            continue;
         }
-        return;
-    }
-    if !is_in_reach {
-        phase.cancel(&mut world.units.cooldown[i]);
-        return;
-    }
-    let way = world.units.pos[t] - world.units.pos[i];
-    let is_facing = phase.turn_to(way, world.arena.starcraft_stats[i].turn);
-    if is_winding_up {
-        phase.windup = fast_math::max(0.0, phase.windup - TICK);
-        if phase.windup < TICK / 2.0 {
-            phase.windup = 0.0;
+        let is_winding_up = phase.windup > 0.0;
+        if all_stats[i].is_healer {
+            if matchup.reaches(pos[i], pos[t], false) && hp[t] > 0.0 {
+                return Some((id, target));
+            }
+            continue;
         }
-    } else {
-        // Cooldowns are no multiples of a tick: an attack begins in the tick that is nearest to its end.
-        if !is_facing || world.units.cooldown[i] >= TICK / 2.0 {
-            return;
+        // The target of the last attack is attacked again without a step after it.
+        let goes_on = is_winding_up | (phase.hit_target == Some(target));
+        if !matchup.reaches(pos[i], pos[t], goes_on) {
+            phase.cancel(&mut cooldown[i]);
+            continue;
         }
-        let stats = world.arena.stats(id);
-        let conduct = &stats.conduct;
-        let (least, greatest) = (conduct.min_random_delay, conduct.max_random_delay);
-        let delay = least + (greatest - least) * generator.next_share();
-        world.units.cooldown[i] = f64::max(0.0, stats.cooldown + delay);
-        phase.windup = conduct.damage_point;
-        phase.target = Some(target);
+        let is_facing = phase.turn_to(pos[t] - pos[i], all_stats[i].turn);
+        if is_winding_up {
+            phase.windup = fast_math::max(0.0, phase.windup - TICK);
+            if phase.windup < TICK / 2.0 {
+                phase.windup = 0.0;
+            }
+        } else {
+            // Cooldowns are no multiples of a tick: an attack begins in the tick that is nearest to its end.
+            if !is_facing | (cooldown[i] >= TICK / 2.0) {
+                continue;
+            }
+            let stats = arena.stats(id);
+            let conduct = &stats.conduct;
+            let (least, greatest) = (conduct.min_random_delay, conduct.max_random_delay);
+            let delay = least + (greatest - least) * generator.next_share();
+            cooldown[i] = f64::max(0.0, stats.cooldown + delay);
+            phase.windup = conduct.damage_point;
+            phase.target = Some(target);
+        }
+        if phase.windup == 0.0 {
+            phase.backswing = arena.stats(id).conduct.backswing;
+            phase.target = None;
+            phase.last = Some(target);
+            return Some((id, target));
+        }
     }
-    if phase.windup == 0.0 {
-        phase.backswing = world.arena.stats(id).conduct.backswing;
-        phase.target = None;
-        phase.last = Some(target);
-        launch(world, id, target, earned);
-    }
+    None
 }
 
 /// The damage point: the hit, or what becomes one later.
@@ -118,9 +119,26 @@ fn launch(world: &mut World, id: u32, target: u32, earned: &mut Earned) {
 impl AttackPhase {
     /// Turns by at most an angle, given by its cosine and sine. Returns whether the unit then faces that way,
     /// as near as an attack needs.
+    #[inline(always)]
     pub(super) fn turn_to(&mut self, way: Vec2, turn: Vec2) -> bool {
-        let way = way.normalize_or_zero();
-        if way == Vec2::ZERO || self.facing == Vec2::ZERO || self.facing.dot(way) >= turn.x {
+        let length = way.length();
+        if length < f32::MIN_POSITIVE {
+            self.facing = Vec2::ZERO;
+            return true;
+        }
+        let way = way * length.recip();
+        if self.facing.dot(way) >= turn.x {
+            self.face(way);
+            return true;
+        }
+        self.turn_part(way, turn)
+    }
+
+    /// Turns by an angle that is less than the way needs.
+    #[inline(never)]
+    fn turn_part(&mut self, way: Vec2, turn: Vec2) -> bool {
+        // Who faced nowhere so far turns at once.
+        if self.facing == Vec2::ZERO {
             self.face(way);
             return true;
         }
@@ -129,8 +147,12 @@ impl AttackPhase {
         self.facing.dot(way) >= ARC
     }
 
+    #[inline(always)]
     fn face(&mut self, way: Vec2) {
         // Rounding makes coordinates that are a little greater than 1.
-        self.facing = way.clamp(Vec2::NEG_ONE, Vec2::ONE);
+        self.facing = Vec2::new(
+            fast_math::max(fast_math::min(way.x, 1.0), -1.0),
+            fast_math::max(fast_math::min(way.y, 1.0), -1.0),
+        );
     }
 }

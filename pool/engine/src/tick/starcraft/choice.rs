@@ -3,7 +3,9 @@
 //! How the game's units choose is not public. What is here was found by comparing battles with recorded ones;
 //! docs/concepts/starcraft.md says what each rule rests on.
 
-use super::super::{Earned, World};
+use std::hint::select_unpredictable;
+
+use super::super::{Earned, TickScratch, World};
 use crate::TICK;
 use crate::arena::Arena;
 use crate::command::Command;
@@ -33,26 +35,43 @@ pub(crate) fn first_look(generator: &mut Generator) -> f64 {
 pub(super) fn choose_targets(world: &mut World) {
     follow_orders(world);
     let World { arena, units, alive_ids, scratch, .. } = world;
+    let TickScratch { choosers, attackers, commands, previous_target, attack_moving, .. } = &mut **scratch;
     // Later than the orders, and by ascending id: units count who has the same target already.
-    let attackers = &mut scratch.attackers;
-    attackers.clear();
-    for &id in &scratch.attack_moving {
-        let outlook = look(arena, units, id);
-        count(arena, attackers, id, outlook.previous, -1);
-        if outlook.chooses {
-            if attackers.is_empty() {
-                // Counted when the first unit chooses: in most ticks none does.
-                attackers.resize(units.pos.len(), 0);
-                for &other in alive_ids.all.iter().filter(|other| **other != id) {
-                    count(arena, attackers, other, units.target[other as usize], 1);
-                }
-            }
-            if let Some(best) = best(arena, units, alive_ids, attackers, id, outlook.is_alarmed) {
-                units.target[id as usize] = Some(best);
-            }
-        }
-        count(arena, attackers, id, units.target[id as usize], 1);
+    choosers.resize(attack_moving.len(), Chooser::default());
+    let mut n_choosers = 0;
+    for &id in attack_moving.iter() {
+        let (chooses, is_alarmed) = look(arena, units, id);
+        // Written before it is known whether it chooses: no branch, which would be hard to predict.
+        choosers[n_choosers] = Chooser { id, is_alarmed };
+        n_choosers += usize::from(chooses);
     }
+    if n_choosers == 0 {
+        return;
+    }
+    attackers.clear();
+    attackers.resize(units.pos.len() + 1, 0);
+    for &id in &alive_ids.all {
+        let i = id as usize;
+        // Who has lost its target counts until it chooses.
+        let attack_moves = matches!(commands[i], Command::AttackMove(_));
+        count(arena, attackers, id, if attack_moves { previous_target[i] } else { units.target[i] }, 1);
+    }
+    for &Chooser { id, is_alarmed } in &choosers[..n_choosers] {
+        let i = id as usize;
+        count(arena, attackers, id, previous_target[i], -1);
+        if let Some(best) = best(arena, units, alive_ids, attackers, id, is_alarmed) {
+            units.target[i] = Some(best);
+        }
+        count(arena, attackers, id, units.target[i], 1);
+    }
+}
+
+/// A unit that chooses a target in this tick.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::tick) struct Chooser {
+    id: u32,
+    /// Whether it looks farther than usual.
+    is_alarmed: bool,
 }
 
 /// Gives units the targets of their orders. After the first tick of a step only a target changes that dies,
@@ -83,13 +102,12 @@ fn follow_orders(world: &mut World) {
     }
 }
 
-/// Counts a unit among those that attack its target. `attackers` is empty while nobody has counted them.
+/// Counts a unit among those that attack its target; the last number is of those that attack none.
+#[inline(always)]
 fn count(arena: &Arena, attackers: &mut [i32], id: u32, target: Option<u32>, by: i32) {
-    if let Some(target) = target.filter(|_| !arena.starcraft_stats[id as usize].is_healer)
-        && let Some(attackers) = attackers.get_mut(target as usize)
-    {
-        *attackers += by;
-    }
+    let none = attackers.len() - 1;
+    let by = if arena.starcraft_stats[id as usize].is_healer { 0 } else { by };
+    attackers[target.map_or(none, |target| target as usize)] += by;
 }
 
 /// Gives a unit the target of its order. Another order ends an attack, and what is left of the last one.
@@ -105,47 +123,39 @@ fn follow_order(units: &mut Units, id: u32, target: Option<u32>) {
     }
 }
 
-/// What a unit finds when it looks at its target.
-struct Outlook {
-    /// The target that it had.
-    previous: Option<u32>,
-    /// Whether it chooses a target now.
-    chooses: bool,
-    /// Whether it then looks farther.
-    is_alarmed: bool,
-}
-
-/// Lets an attack-moving unit keep its target or lose it, with the attack on it, and decides whether it
-/// chooses one in this tick.
-fn look(arena: &Arena, units: &mut Units, id: u32) -> Outlook {
+/// Lets an attack-moving unit keep its target or lose it, with the attack on it. Returns whether it chooses
+/// one in this tick, and whether it then looks farther than usual.
+///
+/// With few branches: most of what is asked here is hard to predict.
+#[inline(always)]
+fn look(arena: &Arena, units: &mut Units, id: u32) -> (bool, bool) {
     let (i, stats) = (id as usize, &arena.starcraft_stats[id as usize]);
     let target = units.target[i];
-    let gap_to = |target: u32| {
+    let (mut kept, mut is_far) = (None, false);
+    if let Some(target) = target {
         let t = target as usize;
         let is_worth = units.alive[t] && (!stats.is_healer || units.hp[t] < arena.stats(target).hp);
         let gap = gap(arena, units, id, target);
-        (is_worth && gap <= stats.look_range + LEASH).then_some(gap)
-    };
-    let gap = target.and_then(gap_to);
-    let kept = target.filter(|_| gap.is_some());
-    let is_far = gap.is_some_and(|gap| gap > stats.attack_range);
-    let phase = &mut units.phases[i];
-    phase.look = fast_math::max(0.0, phase.look - TICK);
-    let is_alarmed = std::mem::take(&mut phase.is_alarmed);
-    let is_due = phase.look == 0.0 || is_alarmed;
-    if phase.look == 0.0 {
-        phase.look = LOOK_INTERVAL;
+        let is_kept = is_worth & (gap <= stats.look_range + LEASH);
+        kept = is_kept.then_some(target);
+        is_far = is_kept & (gap > stats.attack_range);
     }
+    let phase = &mut units.phases[i];
+    let look = fast_math::max(0.0, phase.look - TICK);
+    let is_time = look == 0.0;
+    phase.look = select_unpredictable(is_time, LOOK_INTERVAL, look);
+    let is_alarmed = std::mem::take(&mut phase.is_alarmed);
     if phase.target != kept {
         phase.cancel(&mut units.cooldown[i]);
     }
     let is_idle = phase.windup == 0.0;
     // After each attack a unit chooses again.
-    let has_attacked = is_idle && phase.last.take().is_some();
-    let is_lost = target.is_some() && kept.is_none();
-    let chooses = is_lost || has_attacked || is_due && (kept.is_none() || is_idle && is_far);
+    let has_attacked = is_idle & phase.last.is_some();
+    phase.last = phase.last.filter(|_| !is_idle);
+    let is_lost = target.is_some() & kept.is_none();
+    let chooses = is_lost | has_attacked | ((is_time | is_alarmed) & (kept.is_none() | (is_idle & is_far)));
     units.target[i] = kept;
-    Outlook { previous: target, chooses, is_alarmed }
+    (chooses, is_alarmed)
 }
 
 /// The best target within the range of a unit.
@@ -215,12 +225,16 @@ fn gap(arena: &Arena, units: &Units, id: u32, other: u32) -> f64 {
     distance(units.pos[id as usize], units.pos[other as usize]) - radii
 }
 
-/// Notes health and shields, before the hits of a tick.
+/// Notes health and shields of the units of a side that attack-moves, before the hits of a tick.
 #[inline(never)]
 pub(super) fn remember(world: &mut World) {
-    let World { units, scratch, .. } = world;
-    scratch.vitality.clear();
-    scratch.vitality.extend(units.hp.iter().zip(&units.shield).map(|(hp, shield)| hp + shield));
+    let World { arena, units, alive_ids, scratch, .. } = world;
+    let Some(&marcher) = scratch.attack_moving.first() else { return };
+    let n = units.hp.len();
+    let (hp, shield, vitality) = (&units.hp[..n], &units.shield[..n], &mut scratch.vitality[..n]);
+    for &id in alive_ids.faction_of(arena, marcher) {
+        vitality[id as usize] = hp[id as usize] + shield[id as usize];
+    }
 }
 
 /// Alarms those without a target that were hit in this tick, or are near a unit of their side that was.

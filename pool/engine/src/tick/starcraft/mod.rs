@@ -8,14 +8,16 @@
 
 mod attack;
 mod choice;
+mod detours;
 mod hits;
 mod walk;
 
 use super::{Earned, World, avoid, deaths};
 use crate::random::Generator;
 
+pub(super) use choice::Chooser;
 pub(crate) use choice::{LOOK_INTERVAL, first_look};
-pub(super) use walk::{Near, Standing};
+pub(super) use detours::{Near, Standing};
 
 /// The greatest time that a projectile flies, in seconds: longer than any battle.
 pub(crate) const MAX_FLIGHT: f64 = 1e12;
@@ -24,6 +26,7 @@ pub(crate) const MAX_FLIGHT: f64 = 1e12;
 pub(crate) fn run(world: &mut World, generator: &mut Generator) -> Earned {
     choice::choose_targets(world);
     walk::prefer(world);
+    detours::take(world);
     avoid::plan_velocities(world);
     walk::move_all(world);
     let mut earned = Earned::default();
