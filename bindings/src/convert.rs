@@ -100,18 +100,18 @@ pub fn to_unsigned<T: TryFrom<i128>>(name: &str, arg: IntArg) -> PyResult<T> {
 
 /// A list of strings, such as `example`.
 pub fn string_list(name: &str, example: &str, arg: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
-    let list = || -> PyResult<Vec<String>> {
-        if arg.is_instance_of::<PyString>() {
-            return Err(PyTypeError::new_err("a string is not a list of strings"));
-        }
-        arg.try_iter()?.map(|name| name?.extract()).collect()
+    let refused = |got: String| {
+        PyTypeError::new_err(format!("{name} must be a list of strings, such as {example}, got {got}"))
     };
-    list().map_err(|error| {
-        translated(arg.py(), error, |_| {
-            let got = type_name(arg);
-            PyTypeError::new_err(format!("{name} must be a list of strings, such as {example}, got {got}"))
-        })
-    })
+    if arg.is_instance_of::<PyString>() {
+        return Err(refused(type_name(arg)));
+    }
+    let items = arg.try_iter().map_err(|error| translated(arg.py(), error, |_| refused(type_name(arg))))?;
+    let string = |item: PyResult<Bound<'_, PyAny>>| {
+        let item = item?;
+        item.extract().map_err(|_: PyErr| refused(format!("{} in it", type_name(&item))))
+    };
+    items.map(string).collect()
 }
 
 /// Parses an option that has a fixed set of values, such as `wait`.

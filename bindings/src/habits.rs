@@ -242,15 +242,22 @@ pub fn cannot_be_copied() -> PyErr {
 ///     function: what the user called.
 ///     settings: its further keywords.
 ///     own: the keywords that it has itself.
+///     refused: keywords of `make` that it refuses with an error of its own, which is better than this one.
 ///
 /// Raises:
 ///     TypeError: a keyword is neither one of `make` nor of `own`.
 #[pyfunction]
-#[pyo3(signature = (function, settings, own))]
-pub fn check_settings(function: &str, settings: &Bound<'_, PyDict>, own: Vec<String>) -> PyResult<()> {
-    let valid: Vec<&str> = KEYWORDS.into_iter().chain(own.iter().map(String::as_str)).collect();
+#[pyo3(signature = (function, settings, own, refused))]
+pub fn check_settings(
+    function: &str,
+    settings: &Bound<'_, PyDict>,
+    own: Vec<String>,
+    refused: Vec<String>,
+) -> PyResult<()> {
+    let of_make = KEYWORDS.into_iter().filter(|name| !own.iter().chain(&refused).any(|other| other == name));
+    let valid: Vec<&str> = own.iter().map(String::as_str).chain(of_make).collect();
     let unknown = settings.copy()?;
-    for name in &valid {
+    for name in valid.iter().copied().chain(refused.iter().map(String::as_str)) {
         if unknown.contains(name)? {
             unknown.del_item(name)?;
         }

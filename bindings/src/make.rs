@@ -69,8 +69,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 ///         `reward_win`, `reward_defeat`, `reward_negative_scale`, `reward_scale` and `reward_scale_rate`, as
 ///         in a scenario file; they are added to the scenario's own. See `docs/reference/observations.md`.
 ///     smacv2: options of SMACv2's interface, as in a scenario file; they are added to the scenario's own.
-///     fields: names of the batch fields to compute; None for all. `env_id`, `reward`, `terminated` and
-///         `truncated` are always included.
+///     fields: names of the batch fields to compute; None for all. `env_id`, `reward`, `terminated`,
+///         `truncated` and `was_reset` are always included.
 ///     obs_last_actions: number of its own last actions that an agent observes, 0 to 16: one-hot vectors of
 ///         `n_actions` after the features of the scenario, the newest first; zeros where the episode is
 ///         younger. They are part of `obs`, `final_obs` and `obs_size`, and zeros for dead agents, as the

@@ -4,6 +4,7 @@ use crate::arrays;
 use crate::batch::{Batch, missing_field_error};
 use crate::convert::{IntArg, side_name, to_side, to_unsigned};
 use crate::envs::arg::EnvsArg;
+use crate::envs::render::require_units_in_states;
 use crate::errors::invalid_request;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
@@ -38,7 +39,8 @@ fn fields(side: Faction) -> [Field; 2] {
 ///         needs the fields `enemy_state` and `enemy_avail_actions` then.
 ///
 /// Raises:
-///     InvalidRequest: the name or the side is unknown, the lane omits a field, or the seed is out of range.
+///     InvalidRequest: the name or the side is unknown, the lane omits a field, the seed is out of range, or
+///         states have no units (`obs_instead_of_state` of `smacv2`), which all policies but `random` read.
 ///     TypeError: the seed is not an integer.
 ///     NoSuchPool: the pool that `envs` attached to has ended.
 #[pyclass(frozen, module = "smaclite_pool")]
@@ -83,8 +85,11 @@ impl ScriptedPolicy {
                 "scripted policies need the fields `{state}` and `{masks}`, but this lane omits `{missing}`"
             )));
         }
-        let rules = envs.rules()?;
-        let arena = Arena::new(&envs.scenario_of_lane(py)?, rules);
+        let scenario = envs.scenario_of_lane(py)?;
+        if side == Faction::Ally && name != "random" {
+            require_units_in_states(&format!("the policy {name} reads"), &scenario)?;
+        }
+        let arena = Arena::new(&scenario, envs.rules()?);
         Ok(ScriptedPolicy { name, side, fields, arena, scripted: Mutex::new(scripted) })
     }
 

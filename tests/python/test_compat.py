@@ -171,6 +171,15 @@ def test_observations_of_drawn_teams_are_in_their_space() -> None:
     env.close()
 
 
+def test_all_available_actions_of_drawn_teams_are_in_their_space() -> None:
+    """Which agent is a healer is drawn; a space of one sample of the teams would lack its targets."""
+    path = Path(__file__).parents[2] / "scenarios/data/terran_5_vs_5.json"
+    env: Any = gymnasium.make("smaclite/custom-v0", map_file=path, seed=1).unwrapped
+    sizes = {int(space.n) for space in env.action_space.spaces}
+    assert sizes == {env.n_actions}
+    env.close()
+
+
 def test_samples_are_available_and_in_the_space() -> None:
     """A healer can heal the last unit by an action that its space, as in the published one, does not have."""
     env: Any = gymnasium.make("smaclite/MMM2-v0", seed=1).unwrapped

@@ -6,6 +6,7 @@ itself runs.
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 from pathlib import Path
@@ -223,6 +224,28 @@ def test_the_state_without_last_actions() -> None:
     assert torch.equal(states[0][:, :, : states[1].shape[2]], states[1])
     full.close_env()
     short.close_env()
+
+
+@pytest.mark.usefixtures("test_double")
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [({"state_last_action": False}, (65, 65)), ({"state_timestep_number": True}, (66, 121))],
+    ids=["none", "in the middle"],
+)
+def test_only_last_actions_are_left_out(
+    options: dict[str, bool], expected: tuple[int, int], tmp_path: Path
+) -> None:
+    file = tmp_path / "mine.json"
+    content = json.loads((Path(__file__).parents[2] / "scenarios/data/terran_5_vs_5.json").read_text())
+    file.write_text(json.dumps({**content, "smacv2": {**content["smacv2"], **options}}))
+    sizes = []
+    for with_last_action in (False, True):
+        runner = PoolRunner(
+            args_of(1, map_name=str(file), state_last_action=with_last_action), Log()
+        )
+        sizes.append(runner.get_env_info()["state_shape"])
+        runner.close_env()
+    assert tuple(sizes) == expected
 
 
 @pytest.mark.usefixtures("test_double")

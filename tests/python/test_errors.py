@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 from numpy.typing import NDArray
+from smaclite_pool.integrations.gymnasium import BattleEnv
 
 from conftest import run_script
 
@@ -376,6 +377,11 @@ def test_a_typo_in_a_keyword_of_make_gets_a_suggestion() -> None:
         sp.make("3m", n_envs=2)  # type: ignore[call-overload]
     with pytest.raises(TypeError, match="'colour'; expected one of scenario, num_envs, .*threads"):
         sp.make("3m", colour=2)  # type: ignore[call-overload]
+    with pytest.raises(TypeError, match="expected one of") as unknown:
+        BattleEnv("3m", colour=2)
+    listed = str(unknown.value).split("expected one of ")[1].split(", ")
+    assert len(listed) == len(set(listed)) and {"scenario", "rules"} <= set(listed)
+    assert not {"self", "num_envs", "autoreset_mode", "fields", "lanes"} & set(listed)
     accepted = inspect.signature(sp.make).parameters
     for name in accepted:
         typo = name + "x"

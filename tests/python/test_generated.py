@@ -121,7 +121,8 @@ def test_the_interface_is_that_of_agents() -> None:
     with pytest.raises(sp.errors.InvalidRequest, match="smacv2 must be a dictionary as in JSON"):
         sp.make("terran_5_vs_5", 1, smacv2={"attack": object()})
     with pytest.raises(
-        sp.errors.InvalidRequest, match="rewards must be a dictionary as in JSON: .*Out of range"
+        sp.errors.InvalidRequest,
+        match="rewards must be a dictionary as in JSON: `reward_win`: .*Out of range",
     ):
         sp.make("terran_5_vs_5", 1, rewards={"reward_win": float("nan")})
 

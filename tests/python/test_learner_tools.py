@@ -64,11 +64,18 @@ def test_a_rollout_holds_copies_of_consecutive_batches() -> None:
             sp.extras.Rollout(envs, 1, ["rewards"])
         with pytest.raises(sp.errors.InvalidRequest, match="steps must be at least 1, got 0"):
             sp.extras.Rollout(envs, 0)
-        wrong: list[Any] = ["obs", 3, [3], [["obs"]]]
-        for fields in wrong:
-            message = f'fields must be a list of strings, such as ["obs"], got {type(fields).__name__}'
+        wrong: list[tuple[Any, str]] = [("obs", "str"), (3, "int"), ([3], "int in it"), ([["obs"]], "list in it")]
+        for fields, got in wrong:
+            message = f'fields must be a list of strings, such as ["obs"], got {got}'
             with pytest.raises(TypeError, match=f"^{re.escape(message)}$"):
                 sp.extras.Rollout(envs, 3, fields=fields)
+        with sp.make("3m", 1) as one:  # NumPy would copy it to all rows
+            kept = rollout.reward.copy()
+            with pytest.raises(
+                sp.errors.InvalidRequest, match=r"with env_id of shape \(3,\), got \(1,\)"
+            ):
+                rollout[0] = one.reset()
+            np.testing.assert_array_equal(rollout.reward, kept)
         with pytest.raises(TypeError, match="^envs must be environments or a wrapper of them, got str$"):
             sp.extras.Rollout("3m", 3)  # type: ignore[arg-type]
     with sp.make("3m", 4, batch_size=2) as envs:
@@ -400,6 +407,8 @@ def test_mistakes_in_a_call_of_evaluate_say_what_is_meant() -> None:
             sp.errors.InvalidRequest, match=r'against must be a ScriptedPolicy\(..., side="enemies"\)'
         ):
             evaluate(both, policy, 2, against=sp.ScriptedPolicy("nearest", both))
+        with pytest.raises(sp.errors.InvalidRequest, match='policy must be a team .* side="enemies"'):
+            evaluate(envs, sp.load_team("3m", side="enemies"), 2)
         with pytest.raises(
             sp.errors.InvalidRequest, match=r'side must be `allies` .* make\(..., sides="both"\)'
         ):

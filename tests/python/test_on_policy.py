@@ -15,6 +15,14 @@ def legal(available: NDArray[np.bool_], rng: np.random.Generator) -> list[list[i
     return [[int(rng.choice(np.flatnonzero(mask))) for mask in env] for env in available]
 
 
+def test_a_number_that_is_no_action_is_named() -> None:
+    adapted = ShareVecEnv("3m", 2, seed=1)
+    adapted.reset()
+    with pytest.raises(sp.errors.InvalidRequest, match=r"fit into int32, got 1e\+30"):
+        adapted.step_async(np.full((2, 3, 1), 1e30))
+    adapted.close()
+
+
 def test_steps_are_the_pools_and_shared_by_all_agents() -> None:
     adapted = ShareVecEnv("2s3z", 4, seed=2)
     envs = sp.make("2s3z", 4, seed=2, autoreset_mode="SameStep")

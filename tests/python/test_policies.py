@@ -110,6 +110,18 @@ def test_an_attached_learner_plays_policies(tmp_path: Path, serve: Serve) -> Non
         assert envs.render(envs.step(actions), env_id=0).any()
 
 
+def test_states_without_units_are_refused() -> None:
+    """A policy would see dead units everywhere, and a picture would be empty."""
+    with sp.make("3m", 1, seed=1, smacv2={"obs_instead_of_state": True}) as envs:
+        batch = envs.reset()
+        sp.ScriptedPolicy("random", envs)(batch)  # it reads no state
+        refused = "the units of states, but `obs_instead_of_state` of `smacv2` is true"
+        with pytest.raises(sp.errors.InvalidRequest, match=f"the policy kite reads {refused}"):
+            sp.ScriptedPolicy("kite", envs)
+        with pytest.raises(sp.errors.InvalidRequest, match=f"pictures show {refused}"):
+            envs.render(batch, 0)
+
+
 def test_errors_say_what_is_accepted() -> None:
     with (
         sp.make("3m", 1) as envs,

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ._native import Batch, Envs, ScriptedPolicy
 from ._requirements import require_environments, require_integer, suggests_keywords
+from ._team import Team
 from ._wrapper import Wrapper
 from .errors import InvalidRequest
 
@@ -180,6 +181,8 @@ def _as_policy(
         raise InvalidRequest(
             f'{name} must be a ScriptedPolicy(..., side="{side}"), got one with side="{policy.side}"'
         )
+    if isinstance(policy, Team) and side == "allies" and policy.side != side:
+        raise InvalidRequest(f'{name} must be a team of the agents, got one with side="{policy.side}"')
     result: Policy = policy
     return result
 

@@ -83,6 +83,11 @@ def require_synchronous(envs: Envs | Wrapper, user: str, autoreset: str | None =
 def require_names(name: str, value: Any) -> list[str]:
     """A list of strings, as `make` reads its `fields`. A string is no list of its letters."""
     names = [*value] if isinstance(value, Iterable) and not isinstance(value, str) else None
-    if names is None or not all(isinstance(each, str) for each in names):
+    if names is None:
         raise TypeError(f'{name} must be a list of strings, such as ["obs"], got {type(value).__name__}')
+    for each in names:
+        if not isinstance(each, str):
+            raise TypeError(
+                f'{name} must be a list of strings, such as ["obs"], got {type(each).__name__} in it'
+            )
     return names

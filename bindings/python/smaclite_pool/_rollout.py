@@ -67,8 +67,15 @@ class Rollout:
         raise AttributeError(f"this rollout has no field {name!r}; it has {', '.join(arrays)}")
 
     def __setitem__(self, t: int, batch: Batch) -> None:
-        """Copies a batch to row t, 0 to `steps`."""
+        """Copies a batch to row t, 0 to `steps`. Raises InvalidRequest if it has other shapes."""
         if not 0 <= t <= self.steps:
             raise IndexError(f"row {t} of a rollout with rows 0 to {self.steps}")
+        rows = {name: getattr(batch, name) for name in self.arrays}
         for name, array in self.arrays.items():
-            array[t] = getattr(batch, name)
+            if rows[name].shape != array.shape[1:]:
+                raise InvalidRequest(
+                    f"the batch must be of the environments of the rollout, with {name} of shape "
+                    f"{array.shape[1:]}, got {rows[name].shape}"
+                )
+        for name, array in self.arrays.items():
+            array[t] = rows[name]

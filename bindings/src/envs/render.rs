@@ -40,7 +40,8 @@ pub(crate) type Pixels<'py> = Bound<'py, PyArray3<u8>>;
 /// Raises:
 ///     ScenarioError: the scenario is unknown, or its file or a unit file is invalid.
 ///     NoSuchPool: the pool that the environments attached to has ended.
-///     InvalidRequest: the size or the theme is invalid.
+///     InvalidRequest: the size or the theme is invalid, or states have no units (`obs_instead_of_state` of
+///         `smacv2`).
 ///     TypeError: the width or height is not an integer.
 #[pyclass(frozen, module = "smaclite_pool")]
 pub struct Renderer {
@@ -50,9 +51,11 @@ pub struct Renderer {
 }
 
 impl Renderer {
-    fn of(scenario: Scenario, options: Options) -> Result<Renderer, SizeError> {
+    fn of(py: Python<'_>, scenario: Scenario, options: Options) -> PyResult<Renderer> {
+        require_units_in_states("pictures show", &scenario)?;
         let state_size = state_size(&scenario);
-        Ok(Renderer { renderer: smaclite_view::Renderer::new(&scenario, options)?, scenario, state_size })
+        let renderer = py.detach(|| smaclite_view::Renderer::new(&scenario, options));
+        Ok(Renderer { renderer: renderer.map_err(invalid_request)?, scenario, state_size })
     }
 
     fn picture(&self, state: &[f32]) -> Picture {
@@ -142,7 +145,7 @@ impl Renderer {
         let options =
             Options { width, height, show_sight, show_range, show_ids, theme, ..Options::default() };
         let scenario = scenario.resolve(py)?;
-        py.detach(|| Renderer::of(scenario, options)).map_err(invalid_request)
+        Renderer::of(py, scenario, options)
     }
 
     /// Draw one battle.
@@ -293,12 +296,22 @@ fn slot_of(env: i64, in_batch: &[i32], num_envs: usize) -> PyResult<usize> {
     Err(invalid_request(format!("env_id must be between 0 and {}, got {env}", num_envs - 1)))
 }
 
+/// Refuses scenarios whose states are all observations, for what reads the units of states.
+pub fn require_units_in_states(what: &str, scenario: &Scenario) -> PyResult<()> {
+    match &scenario.smacv2 {
+        Some(options) if options.obs_instead_of_state => Err(invalid_request(format!(
+            "{what} the units of states, but `obs_instead_of_state` of `smacv2` is true"
+        ))),
+        _ => Ok(()),
+    }
+}
+
 /// A renderer of a lane's scenario.
 fn default_renderer(py: Python<'_>, envs: &Envs, is_sheet: bool) -> PyResult<Renderer> {
     let scenario = envs.rules()?.figures(&envs.scenario_of_lane(py)?).into_owned();
     let default = Options::default();
     let cell = Options { width: SHEET_CELL, height: SHEET_CELL, ..default };
-    py.detach(|| Renderer::of(scenario, if is_sheet { cell } else { default })).map_err(invalid_request)
+    Renderer::of(py, scenario, if is_sheet { cell } else { default })
 }
 
 fn state_size(scenario: &Scenario) -> usize {

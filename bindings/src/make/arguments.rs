@@ -25,10 +25,14 @@ pub(super) fn json_of(key: &str, value: &Bound<'_, PyAny>) -> PyResult<Value> {
     }
     let refused = |e: String| invalid_request(format!("{key} must be a dictionary as in JSON: {e}"));
     let only_numbers = [("allow_nan", false)].into_py_dict(py)?;
-    let text = py.import("json")?.call_method("dumps", (value,), Some(&only_numbers));
-    let text: String = text
-        .and_then(|text| text.extract())
-        .map_err(|error| translated(py, error, |e| refused(e.to_string())))?;
+    let dumps = py.import("json")?.getattr("dumps")?;
+    let text_of = |value: &Bound<'_, PyAny>| dumps.call((value,), Some(&only_numbers))?.extract::<String>();
+    let text = text_of(value).map_err(|error| {
+        let is_wrong = |(_, item): &(Bound<'_, PyAny>, Bound<'_, PyAny>)| text_of(item).is_err();
+        let wrong = value.cast::<PyDict>().ok().and_then(|items| items.iter().find(is_wrong));
+        let at = wrong.map_or_else(String::new, |(name, _)| format!("`{name}`: "));
+        translated(py, error, |e| refused(format!("{at}{e}")))
+    })?;
     serde_json::from_str(&text).map_err(|e| refused(e.to_string()))
 }
 

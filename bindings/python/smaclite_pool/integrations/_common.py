@@ -61,6 +61,15 @@ WAITS_FOR_RESET = "waits for a reset when it has ended"
 """Why an environment takes no `autoreset_mode`."""
 
 
+FIXED_SETTINGS = {
+    "fields": "has all fields",
+    "num_envs": "is one environment",
+    "autoreset_mode": WAITS_FOR_RESET,
+    "lanes": "has one lane",
+}
+"""Settings that a single battle decides itself, and why."""
+
+
 def refuse_settings(user: str, fixed: Mapping[str, str], settings: Mapping[str, Any]) -> None:
     """Raise InvalidRequest, in the name of the user, for settings that it decides; `fixed` says why."""
     for name, why in fixed.items():
@@ -75,16 +84,17 @@ def require_fields(envs: Envs, user: str, names: Iterable[str]) -> None:
         raise InvalidRequest(f"{user} needs {', '.join(missing)} among `fields`, which this lane omits")
 
 
-def check_keywords(made_by: Callable[..., Any], settings: Mapping[str, Any]) -> None:
+def check_keywords(
+    made_by: Callable[..., Any], settings: Mapping[str, Any], refused: Iterable[str] = ()
+) -> None:
     """Raise TypeError, in the name of a function or class, for settings that `smaclite_pool.make` lacks.
 
-    Raises InvalidRequest for several lanes, which are several environments to learners.
+    The error lists what is accepted, without the settings of `make` that are `refused` later. Raises
+    InvalidRequest for several lanes, which are several environments to learners.
     """
-    is_class = isinstance(made_by, type)
-    function = made_by.__init__ if is_class else made_by
-    parameters = inspect.signature(function).parameters.values()
+    parameters = inspect.signature(made_by).parameters.values()
     own = [parameter.name for parameter in parameters if parameter.kind is not parameter.VAR_KEYWORD]
-    check_settings(made_by.__name__, dict(settings), own)
+    check_settings(made_by.__name__, dict(settings), own, ["lanes", *refused])
     if "lanes" in settings:
         raise InvalidRequest("`lanes` is for smaclite_pool.make alone; remove it")
 
@@ -278,13 +288,7 @@ class SingleBattle:
         both_sides: bool = False,
         shares: bool = False,
     ) -> None:
-        fixed = {
-            "fields": "has all fields",
-            "num_envs": "is one environment",
-            "autoreset_mode": WAITS_FOR_RESET,
-            "lanes": "has one lane",
-        }
-        refuse_settings("a single battle", fixed, settings)
+        refuse_settings("a single battle", FIXED_SETTINGS, settings)
         fields = [*SINGLE_BATTLE_FIELDS, *(SHARE_FIELDS if shares else ())]
         # Frameworks run many of these per machine, where a thread that spins takes CPU time from the others.
         defaults = {"threads": 1, "wait": "block", "max_held_batches": 2}
@@ -365,7 +369,8 @@ class SingleBattle:
         try:
             return operator.index(action)  # not int, for which 1.9 is 1
         except TypeError:
-            raise InvalidRequest(f"the action of {agent} must be an integer, got {action!r}") from None
+            got = action.item() if isinstance(action, np.ndarray) and action.ndim == 0 else action
+            raise InvalidRequest(f"the action of {agent} must be an integer, got {got!r}") from None
 
     @property
     def sizes(self) -> dict[str, tuple[int, int]]:

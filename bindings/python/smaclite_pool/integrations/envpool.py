@@ -277,7 +277,7 @@ def make(
             raise TypeError(
                 f"make() got an unexpected keyword argument {name!r}; use `{own}`, EnvPool's name"
             )
-    check_keywords(make, settings)
+    check_keywords(make, settings, ["scenario", "threads", "episode_limit"])
     if env_type not in ("gymnasium", "gym"):
         raise InvalidRequest(f'env_type must be "gymnasium" or "gym", got {env_type!r}')
     if thread_affinity_offset != -1:

@@ -58,6 +58,7 @@ from ._common import (
     IllegalActions,
     SingleBattle,
     TimeStep,
+    FIXED_SETTINGS,
     check_keywords,
     check_one_side,
     require_fields,
@@ -329,7 +330,7 @@ def make_vector(
 
     Raises InvalidRequest, ScenarioError and StartError.
     """
-    check_keywords(make_vector, settings)
+    check_keywords(make_vector, settings, ["episode_limit"])
     if settings.get("fields") is not None and autoreset_mode in (AutoresetMode.SAME_STEP, "SameStep"):
         fields = require_names("fields", settings["fields"])
         settings["fields"] = list(dict.fromkeys([*fields, *_final(fields)]))
@@ -384,7 +385,7 @@ class BattleEnv(CopiedByArguments, gymnasium.Env[Any, Any]):
         render_speed: float | None = 1.0,
         **settings: Any,
     ) -> None:
-        check_keywords(type(self), settings)
+        check_keywords(type(self), settings, FIXED_SETTINGS)
         self._stops = stops(illegal_actions)
         check_render_mode(render_mode)
         check_render_speed(render_speed)

@@ -50,6 +50,7 @@ from ._common import (
     IllegalActions,
     SingleBattle,
     TimeStep,
+    FIXED_SETTINGS,
     check_keywords,
     stop_unavailable,
     stops,
@@ -107,7 +108,7 @@ class parallel_env(CopiedByArguments, ParallelEnv[str, Observation, np.int64]):
         own_rewards: bool = False,
         **settings: Any,
     ) -> None:
-        check_keywords(type(self), settings)
+        check_keywords(type(self), settings, FIXED_SETTINGS)
         if action_mask not in ("observation", "info"):
             raise InvalidRequest(f'action_mask must be "observation" or "info", got {action_mask!r}')
         self._is_plain, self._stops = action_mask == "info", stops(illegal_actions)

@@ -128,7 +128,7 @@ class PoolEnv(EnvBase):
         renderer: Renderer | None = None,
         **settings: Any,
     ) -> None:
-        check_keywords(type(self), settings)
+        check_keywords(type(self), settings, ["autoreset_mode"])
         check_render_mode(render_mode)
         check_render_speed(render_speed)
         if isinstance(scenario, Envs):

@@ -41,7 +41,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from .._native import REWARD_DEFAULTS, Envs, Recorder, connect, make
+from .._layout import feature_blocks
+from .._native import REWARD_DEFAULTS, Envs, Recorder, connect, make, scenario
 from ..errors import InvalidRequest
 from ..integrations._common import INFO_FIELDS, OUTCOME_FIELDS
 from ._replay import save_replay
@@ -96,11 +97,8 @@ class PoolRunner:
             envs.close()
             raise InvalidRequest(f"{envs.spec.scenario} has no episode limit; set env_args.time_limit")
         self.episode_limit = envs.spec.episode_limit
-        has_last_action = settings.get("state_last_action", True)
-        self._state_size = envs.spec.state_size - (
-            0 if has_last_action else envs.spec.n_agents * envs.spec.n_actions
-        )
-        self._rows = _Rows(envs, self._state_size)
+        self._rows = _Rows(envs, settings.get("state_last_action", True))
+        self._state_size = self._rows.state_size
         self._recorder = Recorder(envs.spec.pool, envs.spec.lane)
         self._replay_file = (
             settings.get("replay_dir") or "",
@@ -230,8 +228,13 @@ class _Rows:
 
     FIELDS = ("obs", "state", "avail_actions", "reward", "terminated", "truncated", *INFO_FIELDS)
 
-    def __init__(self, envs: Envs, state_size: int) -> None:
-        self._state_size = state_size
+    def __init__(self, envs: Envs, state_has_last_action: bool) -> None:
+        is_kept = np.ones(envs.spec.state_size, np.bool_)
+        last_action = feature_blocks(scenario(envs)["state_layout"]).get("last_action")
+        if last_action is not None:
+            last_action.view(is_kept)[...] = state_has_last_action
+        self._state = np.flatnonzero(is_kept)
+        self.state_size = len(self._state)
         fields = envs.spec.fields
         self._fields: dict[str, NDArray[Any]] = {}
         for name in self.FIELDS:
@@ -250,7 +253,7 @@ class _Rows:
     def before_action(self, rows: list[int]) -> dict[str, NDArray[Any]]:
         """The arrays that EPyMARL stores before an action: [rows, ...], copies."""
         fields = self._fields
-        state = fields["state"][rows, : self._state_size]
+        state = fields["state"][rows][:, self._state]
         return {"state": state, "avail_actions": fields["avail_actions"][rows], "obs": fields["obs"][rows]}
 
     def after_action(self, rows: list[int], marks_timeouts: bool) -> dict[str, NDArray[Any]]:

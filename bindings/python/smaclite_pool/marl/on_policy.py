@@ -156,8 +156,8 @@ class ShareVecEnv:
     def step_async(self, actions: ArrayLike) -> None:
         """Send whole numbers of any dtype, [B, A, 1] or [B, A].
 
-        Raises IllegalAction for an unavailable action, and InvalidRequest for another shape, for a fraction
-        and for a number that does not fit into int32; nothing is stepped then.
+        Raises InvalidRequest for another shape, for a fraction and for a number that does not fit into int32;
+        nothing is stepped then.
         """
         given = np.asarray(actions)
         shape = (self.num_envs, self.n_agents)
@@ -170,11 +170,14 @@ class ShareVecEnv:
         if given.dtype.kind == "f":  # of networks; the pool refuses what is no number
             if not np.all(np.isfinite(given) & (np.rint(given) == given)):
                 raise InvalidRequest(f"actions must be integers, got {given.dtype} with fractions")
+            beyond = given[np.abs(given) >= 2**31]
+            if beyond.size > 0:
+                raise InvalidRequest(f"actions must fit into int32, got {beyond[0]:g}")
             given = given.astype(np.int64)
         self._envs.send(given)
 
     def step_wait(self) -> Step:
-        """Wait for the result of the step."""
+        """Wait for the result of the step. Raises IllegalAction if an action was unavailable."""
         batch = self._envs.recv()
         truncated = batch.truncated
         ended = batch.terminated | truncated
@@ -186,7 +189,7 @@ class ShareVecEnv:
         return Step(batch.obs, self._shared(batch), rewards, dones, infos, batch.avail_actions)
 
     def step(self, actions: ArrayLike) -> Step:
-        """`step_async`, then `step_wait`."""
+        """`step_async`, then `step_wait`, with the errors of both."""
         self.step_async(actions)
         return self.step_wait()
 
