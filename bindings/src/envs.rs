@@ -48,8 +48,8 @@ pub struct Embedded {
 /// request.
 ///
 /// `timeout` is a number of seconds, at least 0; None means no limit. Ctrl-C interrupts every wait. After
-/// Timeout or KeyboardInterrupt the batch is still being computed: call `recv` to get it, or `reset` to
-/// discard it. A reset with snapshots of a lane that was not reset before, or with a list of seeds, is of
+/// Timeout or KeyboardInterrupt the batch is still being computed, or there: call `recv` to get it, or
+/// `reset` to discard it; so does the next request of a synchronous lane, if the batch is there. A reset with snapshots of a lane that was not reset before, or with a list of seeds, is of
 /// several requests: if it ends before the last is sent, only a reset of all environments can follow.
 ///
 /// Only one thread may call these environments at a time; a concurrent call raises Busy. After a fork, calls
@@ -206,7 +206,7 @@ impl Envs {
         let ids = ids.as_deref();
         let seeds = Seeds::new(seed, ids.map_or(self.description.settings.num_envs, <[i32]>::len))?;
         let mut guard = self.shared.try_lock()?;
-        let (client, is_incomplete) = guard.for_reset();
+        let (client, is_incomplete) = guard.for_reset(ids.is_none());
         let was_incomplete = *is_incomplete;
         *is_incomplete &= ids.is_some(); // a reset of all discards what was not received
         match start {
@@ -241,8 +241,7 @@ impl Envs {
     ///     env_id: integers [K], as for `send`.
     ///     timeout: seconds to wait for the batch; None for no limit.
     ///
-    /// Ctrl-C: Python raises KeyboardInterrupt when the call has returned, so the step was made, and its
-    /// batch is lost. A program that goes on resets, or continues with the batch of its next step.
+    /// Ctrl-C: the step is made nevertheless, and `recv` returns its batch.
     ///
     /// Raises:
     ///     IllegalAction: an action is not available; no environment was stepped.
@@ -270,7 +269,8 @@ impl Envs {
         let ids = ids.as_ref().map(Int32Array::as_slice).transpose()?;
         let mut guard = self.shared.try_lock()?;
         begin_step(py, guard.client(), actions, ids)?;
-        receive(py, guard.sent(), timeout)
+        guard.sent();
+        guard.receive(py, timeout)
     }
 
     /// Send actions without waiting for the result.
@@ -333,7 +333,7 @@ impl Envs {
         #[pyo3(from_py_with = timeout_seconds)] timeout: Option<f64>,
     ) -> PyResult<Batch> {
         let timeout = to_duration(timeout)?;
-        receive(py, self.shared.try_lock()?.for_result()?, timeout)
+        self.shared.try_lock()?.receive_sent(py, timeout)
     }
 
     /// Request new episodes without waiting; `recv` returns the first observations.
@@ -406,7 +406,8 @@ impl Envs {
     ) -> PyResult<Batch> {
         let timeout = to_duration(timeout)?;
         let mut guard = self.send_fork(py, env_id_from, env_id_to, seed)?;
-        receive(py, guard.sent(), timeout)
+        guard.sent();
+        guard.receive(py, timeout)
     }
 
     /// Request what `fork` does, without waiting; `recv` returns the observations.

@@ -53,7 +53,7 @@ pub fn run_on_thread<T: Send + 'static>(
 }
 
 /// An error if the interpreter is exiting or a signal handler raised an exception.
-fn check_interrupts(py: Python<'_>) -> PyResult<()> {
+pub fn check_interrupts(py: Python<'_>) -> PyResult<()> {
     if exit::is_exiting() { Err(exit::exiting_error()) } else { py.check_signals() }
 }
 

@@ -132,6 +132,41 @@ def test_an_attached_wait_ends(wait: str, how: str, serve: Serve) -> None:
             again.reset()
 
 
+class Interrupted(Exception):
+    """What the handler of a signal raises."""
+
+
+@pytest.mark.parametrize("batch_size", [512, 128])
+def test_a_signal_takes_no_batch(batch_size: int) -> None:
+    """Its exception is raised when the wait has ended, with a batch that the next call returns."""
+
+    def interrupt(*_: Any) -> None:
+        raise Interrupted
+
+    before = signal.signal(signal.SIGALRM, interrupt)
+    try:
+        with sp.make("27m_vs_30m", 512, batch_size=batch_size, seed=1, threads=1) as envs:
+            envs.async_reset()
+            for _ in range(512 // batch_size):
+                envs.recv()
+            actions = np.ones((512, 27), np.int32)
+            # Long before the first batch is there.
+            signal.setitimer(signal.ITIMER_REAL, 0.002)
+            with pytest.raises(Interrupted):
+                envs.send(actions)
+                envs.recv()
+            batches = [envs.recv(timeout=10) for _ in range(512 // batch_size)]
+            assert {env for batch in batches for env in batch.env_id.tolist()} == set(range(512))
+            if batch_size == 512:
+                signal.setitimer(signal.ITIMER_REAL, 0.002)
+                with pytest.raises(Interrupted):
+                    envs.step(actions)
+                # A learner that goes on with a step gets the batch of that step.
+                assert set(envs.step(envs.sample_actions()).episode_length.tolist()) == {3}
+    finally:
+        signal.signal(signal.SIGALRM, before)
+
+
 STOPPED_CALLS = """
 import signal, sys
 import smaclite_pool as sp

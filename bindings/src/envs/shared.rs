@@ -1,13 +1,16 @@
 //! The client of environments, which one thread uses at a time, and what ends with it.
 
+use super::requests::receive;
+use crate::batch::Batch;
 use crate::errors::invalid_request;
 use crate::exclusive::{Exclusive, Guard, Texts};
 use crate::exit::CloseAtExit;
 use crate::recorder::RecordingToFile;
-use crate::wait::IsCancelled;
+use crate::wait::{IsCancelled, check_interrupts};
 use pyo3::prelude::*;
 use smaclite_ipc::{Client, Supervisor};
 use std::sync::Arc;
+use std::time::Duration;
 
 const TEXTS: Texts = Texts {
     closed: "these environments are closed; call make or connect again",
@@ -23,6 +26,8 @@ struct Attached {
     /// Written when these environments are closed.
     recording: Option<RecordingToFile>,
     client: Client,
+    /// Received when a signal came: its exception is raised in place of this, which the next `recv` returns.
+    kept: Option<Batch>,
     /// The last reset ended before all its requests were sent, so what is received next is not its result.
     is_incomplete: bool,
     _embedded: Option<Arc<Supervisor>>,
@@ -42,7 +47,7 @@ impl SharedClient {
         embedded: Option<Arc<Supervisor>>,
         recording: Option<RecordingToFile>,
     ) -> SharedClient {
-        let attached = Attached { recording, client, is_incomplete: false, _embedded: embedded };
+        let attached = Attached { recording, client, kept: None, is_incomplete: false, _embedded: embedded };
         SharedClient(Exclusive::new(attached, TEXTS))
     }
 
@@ -74,24 +79,46 @@ impl ClientGuard<'_> {
     pub(super) fn sent(&mut self) -> &mut Client {
         let attached = self.attached();
         attached.is_incomplete = false;
+        if attached.client.description().settings.is_synchronous() {
+            attached.kept = None; // the request was of all environments
+        }
         &mut attached.client
+    }
+
+    /// Waits for the next batch.
+    pub(super) fn receive(&mut self, py: Python<'_>, timeout: Option<Duration>) -> PyResult<Batch> {
+        let attached = self.attached();
+        if let Some(kept) = attached.kept.take() {
+            return Ok(kept);
+        }
+        let batch = receive(py, &mut attached.client, timeout)?;
+        // Python raises what a signal handler raises when a call has returned: the batch would be lost.
+        match check_interrupts(py) {
+            Ok(()) => Ok(batch),
+            Err(interrupt) => {
+                attached.kept = Some(batch);
+                Err(interrupt)
+            }
+        }
     }
 
     /// The client, and whether a reset of several requests, all but the last of which are waited for, is
     /// incomplete.
-    pub(super) fn for_reset(&mut self) -> (&mut Client, &mut bool) {
+    pub(super) fn for_reset(&mut self, of_all: bool) -> (&mut Client, &mut bool) {
         let attached = self.attached();
+        if of_all || attached.client.description().settings.is_synchronous() {
+            attached.kept = None;
+        }
         (&mut attached.client, &mut attached.is_incomplete)
     }
 
-    /// The client, to receive the result of what was sent before.
-    pub(super) fn for_result(&mut self) -> PyResult<&mut Client> {
-        let attached = self.attached();
-        if attached.is_incomplete {
+    /// Waits for the result of what was sent before.
+    pub(super) fn receive_sent(&mut self, py: Python<'_>, timeout: Option<Duration>) -> PyResult<Batch> {
+        if self.attached().is_incomplete {
             return Err(invalid_request(
                 "the last reset ended before all of it was sent, so it has no result; reset all environments",
             ));
         }
-        Ok(&mut attached.client)
+        self.receive(py, timeout)
     }
 }
