@@ -124,6 +124,8 @@ impl Scenario {
 
     /// The same battle with the sides exchanged: agents are enemies, and enemies are agents. Units keep their
     /// ids and positions; those that are enemies now march to the middle of those that were.
+    ///
+    /// Laws from which types and positions are drawn (`generation`) stay as they are.
     pub fn exchanged(&self) -> Scenario {
         let mut exchanged = self.clone();
         exchanged.units.iter_mut().for_each(|unit| unit.faction = unit.faction.opponent());
@@ -136,6 +138,8 @@ impl Scenario {
     }
 
     /// The same battle after half a turn of the map: north is south, and east is west.
+    ///
+    /// Laws from which types and positions are drawn (`generation`) stay as they are.
     pub fn turned(&self) -> Scenario {
         let sides = [self.terrain.width(), self.terrain.height()].map(f64::from);
         let turn = |[x, y]: [f64; 2]| [sides[0] - x, sides[1] - y];

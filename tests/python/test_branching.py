@@ -332,6 +332,17 @@ def test_a_count_that_no_battle_has_is_refused(column: str, value: int, error: s
             sp.pack_snapshot({**columns, column: wrong}, envs)
 
 
+def test_the_greatest_episode_length_stays() -> None:
+    """The next step was number -2147483648, and its state could not be restored."""
+    with sp.make("3m", 1, episode_limit=None, fields=["snapshot", "episode_length"]) as envs:
+        columns = sp.snapshot_columns(envs.reset(seed=1).snapshot[0])
+        greatest = np.array(2**31 - 1, columns["episode_length"].dtype)
+        envs.reset(snapshots=sp.pack_snapshot({**columns, "episode_length": greatest}, envs)[None])
+        batch = envs.step(np.ones((1, 3), int))
+        assert batch.episode_length.tolist() == [2**31 - 1]
+        envs.reset(snapshots=batch.snapshot.copy())
+
+
 def test_a_battle_that_is_restored_at_its_end_has_ended() -> None:
     """All agents were alive, and the next step was an error."""
     env = parallel_env("3m", episode_limit=2)

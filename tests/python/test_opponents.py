@@ -85,8 +85,9 @@ def test_smac_takes_an_opponent() -> None:
     [
         ("kites", "unknown opponent `kites`; the opponents are attack_move, attack_nearest, random"),
         ({}, "at least one opponent must be named"),
-        ({"kite": 0}, "the weight of opponent `kite` must be a number above 0, got 0"),
-        ({"kite": float("nan")}, "must be a number above 0, got NaN"),
+        ({"kite": 0}, "the weight of opponent `kite` must be a number above 0, at most 1000000, got 0"),
+        ({"kite": float("nan")}, "must be a number above 0, at most 1000000, got NaN"),
+        ({"kite": 1e308, "hold": 1e308}, "must be a number above 0, at most 1000000, got 1000"),
         ({"kite": 1, "hodl": 1}, "unknown opponent `hodl`"),
     ],
 )

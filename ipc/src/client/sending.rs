@@ -8,9 +8,9 @@ use crate::services::doing;
 use crate::wait_options::WaitOptions;
 use crate::wire::{RequestHeader, body_offset, request_bytes};
 use smaclite_engine::{RecordLayout, RecordSizes, SnapshotError};
-use smaclite_pool::Deadline;
 use smaclite_pool::env_ids::env_index;
 use smaclite_pool::transport::{Request, RequestKind, RequestNumber};
+use smaclite_pool::{Deadline, Rejection};
 use std::borrow::Cow;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -33,7 +33,8 @@ impl AttachedLane {
         self.check_length(actions.len(), env_ids)?;
         let all = Arc::clone(&self.all_ids);
         let ids = env_ids.unwrap_or(&all);
-        self.outstanding.reserve_step(self.last_request.next(), ids)?;
+        let reserved = self.outstanding.reserve_step(self.last_request.next(), ids);
+        reserved.map_err(|rejection| self.refused(rejection))?;
         self.send(RequestKind::Step, ids, bytemuck::cast_slice(actions), wait)
     }
 
@@ -53,7 +54,8 @@ impl AttachedLane {
         let all = Arc::clone(&self.all_ids);
         let ids = env_ids.unwrap_or(&all);
         if env_ids.is_some() && !self.outstanding.names_all(ids) {
-            self.outstanding.reserve_some(number, ids)?;
+            let reserved = self.outstanding.reserve_some(number, ids);
+            reserved.map_err(|rejection| self.refused(rejection))?;
             return self.send(kind, ids, body, wait);
         }
         // Only a reset that was sent begins an epoch: otherwise results of the present one are still to come.
@@ -147,8 +149,16 @@ impl AttachedLane {
         body: &[u8],
         wait: &mut WaitOptions<'_>,
     ) -> Result<(), ClientError> {
-        self.outstanding.reserve_some(self.last_request.next(), ids)?;
+        let reserved = self.outstanding.reserve_some(self.last_request.next(), ids);
+        reserved.map_err(|rejection| self.refused(rejection))?;
         self.send(kind, ids, body, wait)
+    }
+
+    /// Why a request is not sent. The results of a pool that has died never arrive, so its environments would be
+    /// busy without end.
+    fn refused(&self, rejection: Rejection) -> ClientError {
+        let has_died = self.local.is_none() && !self.control.is_alive();
+        if has_died { self.pool_died() } else { rejection.into() }
     }
 
     /// Sends a request whose environments are reserved, and frees them if it cannot be sent.

@@ -12,6 +12,9 @@ use crate::tactic::Tactic;
 use smaclite_scenarios::{March, ScenarioFiles};
 use smaclite_units::file::or_did_you_mean;
 
+/// The greatest weight of an opponent: sums of weights stay finite.
+const MAX_WEIGHT: f64 = 1e6;
+
 /// What plays the enemies in one episode.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Opponent {
@@ -112,7 +115,7 @@ pub enum OpponentsError {
     )]
     Unknown(String),
     /// A weight that is no share.
-    #[error("the weight of opponent `{name}` must be a number above 0, got {given}")]
+    #[error("the weight of opponent `{name}` must be a number above 0, at most {MAX_WEIGHT}, got {given}")]
     Weight {
         /// The opponent.
         name: String,
@@ -152,7 +155,8 @@ impl Opponents {
     /// Opponents with weights, which need not sum to 1.
     ///
     /// # Errors
-    /// If there are none, a name is unknown or occurs twice, or a weight is not a number above 0.
+    /// If there are none, a name is unknown or occurs twice, or a weight is not a number above 0, at most a
+    /// million.
     pub fn new<S: AsRef<str>>(
         weights: impl IntoIterator<Item = (S, f64)>,
     ) -> Result<Opponents, OpponentsError> {
@@ -160,7 +164,7 @@ impl Opponents {
         for (name, weight) in weights {
             let name = name.as_ref();
             let opponent = Opponent::from_name(name)?;
-            if !(weight > 0.0 && weight.is_finite()) {
+            if !(weight > 0.0 && weight <= MAX_WEIGHT) {
                 return Err(OpponentsError::Weight { name: name.to_owned(), given: weight.to_string() });
             }
             if own.iter().any(|(known, _)| *known == opponent) {
@@ -316,8 +320,11 @@ mod tests {
         assert!(error("zoo:3m").ends_with(", and learner with sides `both`"));
         assert!(error("").contains("at least one opponent"));
         assert_eq!(error("kite,kite=2"), "opponent `kite` is named twice");
-        for weight in ["0", "-1", "nan", "inf", "half"] {
-            assert!(error(&format!("kite={weight}")).contains("must be a number above 0"), "{weight}");
+        for weight in ["0", "-1", "nan", "inf", "1e308", "half"] {
+            assert!(
+                error(&format!("kite={weight}")).contains("must be a number above 0, at most 1000000"),
+                "{weight}"
+            );
         }
         let json = r#"{"hold": 1.0, "kite": 0.5}"#;
         let opponents: Opponents = serde_json::from_str(json).unwrap();

@@ -9,7 +9,7 @@ use crate::units::Units;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Step {
     /// The common reward of all agents, by the [rewards](crate::Rewards) of the scenario: unless it says
-    /// otherwise, scaled so that a win without enemy regeneration gives a return of 20.
+    /// otherwise, scaled so that a win over enemies that neither regenerate nor blow themselves up gives 20.
     pub reward: f64,
     /// The common reward of all enemies by the same formula: what they do to the agents, and more if no agent
     /// is alive.

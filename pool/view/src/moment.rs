@@ -120,6 +120,9 @@ impl Attacker {
 
 impl Observer {
     /// Begins with a battle as it is, at the start of an episode.
+    ///
+    /// # Panics
+    /// If the battle is of a scenario with other units.
     pub fn new(scenario: &Scenario, battle: &Battle) -> Observer {
         Observer::with_types(scenario, battle.units(), battle.types().collect())
     }

@@ -164,6 +164,9 @@ impl Arena {
     }
 
     /// Where a unit of the scenario begins, in squares, unless its episodes draw that.
+    ///
+    /// # Panics
+    /// If there is no such unit.
     pub fn start(&self, unit: usize) -> [f64; 2] {
         self.starts[unit].as_dvec2().into()
     }
@@ -231,7 +234,7 @@ impl Arena {
         Arena { opponents, ..self }
     }
 
-    /// The unscaled return of a win without enemy regeneration: all health and shields of the enemies, a
+    /// The unscaled return of a win over enemies that neither regenerate nor blow themselves up: all health and shields of the enemies, a
     /// reward per kill, and the reward for winning. Unless the scenario says otherwise, it is scaled to a
     /// return of 20.
     pub fn max_reward(&self) -> f64 {

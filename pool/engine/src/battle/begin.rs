@@ -16,6 +16,8 @@ impl Battle {
     }
 
     /// Begins a new episode against this opponent. Only the units are drawn, if the scenario is generated.
+    /// [`Opponent::Learner`] is for arenas whose actions play both sides; in others no snapshot of
+    /// the episode can be restored.
     pub fn reset_against(&mut self, opponent: Opponent) {
         self.start = self.generator.position();
         self.draw_units();

@@ -335,17 +335,22 @@ impl Battle {
         // only this counts, not the health that is left: a truncated episode is not won.
         let battle_won = self.is_won_by(Faction::Ally);
         let [reward, enemy_reward] = self.rewards(earned, scratch);
-        self.episode_length = self.episode_length.saturating_add(1);
+        self.count_step();
         self.episode_return += reward;
         let terminated = self.is_terminated();
         let truncated = !terminated && self.is_at_limit();
         Step { reward, enemy_reward, terminated, truncated, battle_won }
     }
 
+    /// Counts a step, up to the greatest number that batches and snapshots can have.
+    fn count_step(&mut self) {
+        self.episode_length = u32::min(self.episode_length + 1, i32::MAX as u32);
+    }
+
     /// Finishes a step by SMACv2's rewards and ends.
     fn finish_as(&mut self, outcome: Outcome, enemy_reward: f64) -> Step {
         self.refresh_encoded();
-        self.episode_length = self.episode_length.saturating_add(1);
+        self.count_step();
         self.episode_return += outcome.reward;
         let Outcome { reward, terminated, at_limit, battle_won } = outcome;
         Step { reward, enemy_reward, terminated, truncated: at_limit && !terminated, battle_won }

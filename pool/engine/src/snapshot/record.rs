@@ -103,6 +103,9 @@ impl RecordLayout {
     ///
     /// # Errors
     /// If the column has no rule set's number.
+    ///
+    /// # Panics
+    /// As [`column`](Self::column).
     pub fn rules(&self, record: &[u8]) -> Result<Rules, SnapshotError> {
         let given: u32 = self.get_one(record, Column::Rules);
         Rules::ALL.get(given as usize).copied().ok_or(SnapshotError::NoSuchRules { given })
@@ -140,6 +143,9 @@ impl RecordLayout {
     }
 
     /// Writes the checksum of a record.
+    ///
+    /// # Panics
+    /// As [`column`](Self::column).
     pub fn seal(&self, record: &mut [u8]) {
         let checksum = checksum(record);
         self.put(record, Column::Checksum, &[checksum]);

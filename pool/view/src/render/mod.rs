@@ -205,6 +205,9 @@ impl Renderer {
     }
 
     /// Draws a moment and the attacks of its tick.
+    ///
+    /// # Panics
+    /// If the moment is of a scenario with other units.
     pub fn render(&self, moment: &Moment) -> Picture {
         self.render_recent(std::slice::from_ref(moment))
     }
