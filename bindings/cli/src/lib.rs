@@ -174,6 +174,7 @@ fn run_args(args: &[OsString], host: &[HostVersion]) -> i32 {
         }
     };
     log_to_stderr(cli.log);
+    output::go_on_if_closed(cli.command.is_verdict());
     let Err(error) = cli.command.run(&args[0], host) else { return 0 };
     let is_closed = output::is_closed(error.as_ref()); // `smaclite-pool scenarios | head`
     if !is_closed && !error.is::<process::Interrupted>() {
@@ -184,6 +185,12 @@ fn run_args(args: &[OsString], host: &[HostVersion]) -> i32 {
 }
 
 impl Command {
+    /// Whether its exit status says what it found.
+    fn is_verdict(&self) -> bool {
+        use Command::{Check, Doctor, Replay, VerifyRun};
+        matches!(self, Check(_) | Doctor(_) | Replay(_) | VerifyRun(_))
+    }
+
     fn run(self, program: &OsStr, host: &[HostVersion]) -> CommandResult {
         match self {
             Command::Serve(serve) => serve.run(),

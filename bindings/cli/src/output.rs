@@ -2,13 +2,28 @@
 
 use std::error::Error;
 use std::io::{self, ErrorKind, Write};
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Whether the command goes on where its reader has closed standard output.
+static GOES_ON: AtomicBool = AtomicBool::new(false);
+
+/// Says whether the command that begins goes on where its reader has closed standard output. Most end then,
+/// with success; one whose exit status is what it found would say that it found nothing.
+pub(crate) fn go_on_if_closed(goes_on: bool) {
+    GOES_ON.store(goes_on, Ordering::Relaxed); // publishes nothing else
+}
 
 /// Standard output. Unlike that of [`std::io::stdout`], an error names what could not be written.
 pub(crate) struct Output;
 
 impl Write for Output {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        io::stdout().write(bytes).map_err(named)
+        match io::stdout().write(bytes) {
+            Err(error) if error.kind() == ErrorKind::BrokenPipe && GOES_ON.load(Ordering::Relaxed) => {
+                Ok(bytes.len())
+            }
+            written => written.map_err(named),
+        }
     }
 
     fn flush(&mut self) -> io::Result<()> {

@@ -16,5 +16,6 @@ mod skip; // the kit of `tests` depends on this crate
 mod snapshots;
 mod tournament;
 mod training;
+mod verdicts;
 mod watch;
 mod zoo;
