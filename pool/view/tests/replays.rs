@@ -340,7 +340,9 @@ fn wrong_values_are_named() {
         "f: expected a replay, which is JSON compressed by gzip: `format` must be",
     );
     check("/version", 2.into(), "f: `version` must be 1, got 2; it was written by smaclite-pool");
-    check("/rules", "house".into(), "f: `rules` must be \"smaclite\", \"paper\" or \"starcraft\", got house");
+    let rules = "f: `rules` must be \"smaclite\", \"paper\" or \"starcraft-1\" (of a newer release it may be \
+                 another), got starcraft-2";
+    check("/rules", "starcraft-2".into(), rules);
     check("/episode_limit", 0.into(), "`episode_limit` must be at least 1");
     check("/episode_limit", 3.into(), "`episodes[0].steps` must be at most 3, the `episode_limit`");
     check("/episodes/0/draws", (-1).into(), "invalid value: integer `-1`");
@@ -365,6 +367,20 @@ fn wrong_values_are_named() {
     let expected =
         "GHOST` is neither a standard unit type nor a unit file (no unit file came with the scenario)";
     check("/scenario/text", unknown.into(), expected);
+}
+
+/// A text where a number belongs was repeated at any length.
+#[test]
+fn wrong_values_are_cut() {
+    let (replay, _) = record(setup("3m"), 4, 1);
+    let mut changed = json_of(&replay.to_bytes().unwrap());
+    changed["episodes"][0]["step_checksums"][3] = "x".repeat(3000).into();
+    let error = Replay::from_bytes(&gzip(changed.to_string().as_bytes()), "f").unwrap_err().to_string();
+    assert!(
+        error.contains(": invalid type: string \"xxx") && error.contains(" at line 1 column "),
+        "{error}"
+    );
+    assert!(error.len() < 400, "{error}");
 }
 
 #[test]

@@ -4,6 +4,7 @@ use std::io;
 
 use smaclite_engine::IllegalAction;
 use smaclite_scenarios::Problems;
+use smaclite_units::file::shown_reason;
 
 /// Why a replay was refused, or cannot be played. Episodes and steps are numbered from 0.
 #[derive(Debug, thiserror::Error)]
@@ -27,11 +28,11 @@ pub enum ReplayError {
         unit: &'static str,
     },
     /// The file is not a replay, or it is damaged.
-    #[error("{file}: expected a replay, which is JSON compressed by gzip: {reason}")]
+    #[error("{file}: expected a replay, which is JSON compressed by gzip: {}", shown_reason(reason))]
     NotAReplay {
         /// The file.
         file: String,
-        /// What is wrong with it.
+        /// What is wrong with it; it may repeat a value of any length.
         reason: String,
     },
     /// The file has another format.

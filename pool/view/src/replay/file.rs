@@ -41,6 +41,9 @@ const FORMAT: &str = "smaclite-replay";
 /// The version of the format; it rises whenever the meaning of a file changes.
 const VERSION: u64 = 1;
 
+/// The `rules` that are accepted. `starcraft` stands for its newest version, and files name the version.
+const RULES: &str = "\"smaclite\", \"paper\" or \"starcraft-1\" (of a newer release it may be another)";
+
 /// What is read first; other versions may differ in everything else.
 #[derive(Deserialize)]
 struct Head {
@@ -224,8 +227,7 @@ impl Document {
         let unit_files =
             unit_files.map(|UnitText { name, keys, text }| UnitFile { name, keys, text }).collect();
         let check = Check { file: source, key: String::new() };
-        let rules = Rules::from_str(&self.rules)
-            .map_err(|_| check.invalid("rules", "\"smaclite\", \"paper\" or \"starcraft\"", &self.rules))?;
+        let rules = Rules::from_str(&self.rules).map_err(|_| check.invalid("rules", RULES, &self.rules))?;
         check.that(self.episode_limit != Some(0), "episode_limit", "at least 1, or null", 0)?;
         let files = ScenarioFiles { source: printable_text(&file), text, unit_files };
         let episode_limit = self.episode_limit.into();
