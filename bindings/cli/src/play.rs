@@ -26,7 +26,8 @@ pub(super) struct Play {
     scenario: String,
     /// Who plays the enemies: attack_move, attack_nearest or a scripted policy; several with weights, such as
     /// attack_move=0.5,focus_fire=0.5, of which each battle draws one; or a team, by the folder of a run
-    /// or as zoo:SCENARIO, which sees the map turned by half a turn and needs a scenario with two equal sides
+    /// or as zoo:SCENARIO, which sees the map turned by half a turn; the two sides of the scenario must have
+    /// equal sizes
     /// [default: the scenario's own]
     #[arg(long, value_name = "PLAYER")]
     against: Option<OpponentOption>,

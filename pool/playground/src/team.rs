@@ -159,7 +159,11 @@ impl Team {
     fn check(&self, player: &TeamOnScenario, game: &Game, side: Faction) -> Result<(), TeamError> {
         let given = with_history(game.arena.sizes_of(side), player.last_actions);
         let shape = |sizes: Sizes| (sizes.n_agents, sizes.n_actions, sizes.obs_size);
-        if shape(player.sizes) == shape(given) && (side == Faction::Ally || has_equal_sides(&game.scenario)) {
+        // A team of one map knows no types, only sizes. One that plays every map would see the enemies as if
+        // they had the types of the agents.
+        let sees_its_own =
+            side == Faction::Ally || self.universal.is_none() || has_equal_sides(&game.scenario);
+        if shape(player.sizes) == shape(given) && sees_its_own {
             return Ok(());
         }
         let in_words = |Sizes { n_agents, n_actions, obs_size, .. }: Sizes| {
@@ -175,8 +179,8 @@ impl Team {
         let given = match side {
             Faction::Ally => format!("agents of this scenario are {}", in_words(given)),
             Faction::Enemy => format!(
-                "enemies of this scenario are {}; a team plays the enemies only of scenarios whose two sides \
-                 are equal",
+                "enemies of this scenario are {}; a team plays the enemies only of scenarios whose two \
+                 sides have equal sizes",
                 in_words(given)
             ),
         };

@@ -25,7 +25,8 @@ Examples:
   smaclite-pool tournament runs/3m-1 runs/3m-2 focus_fire --episodes 1000 --out tournament
 
 A pairing is a player with the agents against one with the enemies; all are played, also those of a player \
-against itself. A trained team plays the enemies in the mirror, so the sides of its scenario must be equal.
+against itself. A trained team plays the enemies in the mirror, so the two sides of its scenario must have \
+equal sizes.
 Elo ratings are those of the Bradley-Terry model by maximum likelihood, a draw as half a win, with 95 % \
 intervals from how much the scores of each pair vary (docs/how-to/evaluation.md).")]
 pub(super) struct PlayTournament {

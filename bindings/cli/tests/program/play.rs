@@ -19,7 +19,7 @@ fn what_cannot_be_played_is_an_error() {
     check("play 3m --against learner", 2, "learner");
     check("play 3m --against hold=0", 2, "the weight of opponent `hold` must be a number above 0");
     check("play 3m --against runs/3m", 1, "runs/3m");
-    check("play 5m_vs_6m --against zoo:3m", 1, "only of scenarios whose two sides are equal");
+    check("play 5m_vs_6m --against zoo:3m", 1, "only of scenarios whose two sides have equal sizes");
     check("play 3m --seed -1", 2, "must be a whole number between 0 and");
 }
 

@@ -305,6 +305,24 @@ fn a_trained_team_plays_the_enemies() {
     }
 }
 
+/// `play 3s_vs_3z --against zoo:3s_vs_3z` was refused with two descriptions of sizes that were equal, where
+/// tournaments and trainings accept it.
+#[test]
+fn a_team_of_one_map_plays_enemies_of_other_types_if_the_sizes_are_equal() {
+    let mut session = Session::default();
+    let name = "3s_vs_3z";
+    let zoo = format!("{}/../../bindings/learn/zoo/{name}", env!("CARGO_MANIFEST_DIR"));
+    let run = std::fs::read_to_string(format!("{zoo}/run.json")).unwrap();
+    let weights = STANDARD.encode(std::fs::read(format!("{zoo}/best.safetensors")).unwrap());
+    ask(&mut session, json!({"type": "add_team", "name": "team", "run": run, "weights": weights}));
+    let mut begin = begin(name, "random", &[], &[]);
+    begin["of"]["opponent"] = json!("team");
+    let begun = ask(&mut session, begin);
+    assert_eq!((&begun["opponent"], &begun["is_playable"]), (&json!("team"), &json!(true)), "{begun}");
+    let played = ask(&mut session, json!({"type": "play_steps", "steps": 1000}));
+    assert!(played["result"].is_string(), "{played}");
+}
+
 /// A map of 32 x 32 squares whose square (x, y) is blocked if `is_blocked(x, y)`, as a request has it.
 fn rows(is_blocked: impl Fn(usize, usize) -> bool) -> Vec<String> {
     (0..32).map(|y| (0..32).map(|x| if is_blocked(x, y) { 'X' } else { '_' }).collect()).collect()
