@@ -236,6 +236,17 @@ fn runtime_dir() -> Result<RuntimeDir, RuntimeDirError> {
     RuntimeDir::for_current_user()
 }
 
+/// Refuses an --out for files of results that is the folder of a run, whose files they would hide among.
+fn refuse_run(out: &std::path::Path) -> CommandResult {
+    if smaclite_learn::DESCRIPTIONS.iter().any(|name| out.join(name).is_file()) {
+        let out = out.display();
+        return Err(
+            format!("--out must not be the folder of a run, as `{out}` is; choose another one").into()
+        );
+    }
+    Ok(())
+}
+
 /// The number of worker threads that a pool may have.
 const THREADS: RangeInclusive<usize> = 1..=1024;
 
