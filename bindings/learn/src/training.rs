@@ -197,7 +197,8 @@ impl Training {
     }
 
     /// Continues a run on the lanes of its configuration, in the states of the checkpoint's environments. If
-    /// it has none, because a lane does not serve snapshots, the environments begin new episodes.
+    /// it has none, because a lane did not serve snapshots, or if one of these lanes does not, the
+    /// environments begin new episodes.
     pub fn resume(
         config: Config,
         lanes: Vec<Lanes>,
@@ -215,12 +216,12 @@ impl Training {
                 let (given, expected) = (num_envs, counts(envs));
                 return Err(LaneError::EnvsOfMaps { given, expected }.into());
             }
-            Some(envs) => {
+            Some(envs) if maps.iter().all(|map| map.lanes.are_saved()) => {
                 for (map, envs) in maps.iter_mut().zip(envs) {
                     map.lanes.restore(envs).map_err(TrainError::NotRestored)?;
                 }
             }
-            None => training.restart_environments()?,
+            _ => training.restart_environments()?,
         }
         Ok(training)
     }

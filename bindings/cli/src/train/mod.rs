@@ -296,7 +296,10 @@ impl Train {
         }
         self.choose_lane(&run.name, runtime_dir, interrupted)?;
         let lanes = self.lanes(&run.lanes_setup(), &run.config, threads, runtime_dir, interrupted)?;
-        Ok(Opened::One(Box::new(Run::resume(folder, self.steps, lanes, threads)?), run.name))
+        let are_saved = lanes.are_saved();
+        let resumed = Run::resume(folder, self.steps, lanes, threads)?;
+        self.warn_of_snapshots(are_saved);
+        Ok(Opened::One(Box::new(resumed), run.name))
     }
 
     fn begin(
@@ -331,7 +334,10 @@ impl Train {
         // A pool has its own; others that were asked for are refused.
         config.num_envs = num_envs.unwrap_or(lanes.num_envs());
         config.last_actions = last_actions.unwrap_or(lanes.last_actions());
-        Ok(Opened::One(Box::new(Run::begin(&out, config, &setup, lanes, threads)?), scenario.name))
+        let are_saved = lanes.are_saved();
+        let run = Run::begin(&out, config, &setup, lanes, threads)?;
+        self.warn_of_snapshots(are_saved);
+        Ok(Opened::One(Box::new(run), scenario.name))
     }
 
     fn setup(
@@ -396,18 +402,18 @@ impl Train {
     ) -> Result<Lanes, Box<dyn Error>> {
         let Config { num_envs, last_actions, .. } = *config;
         Ok(match &self.pool {
-            Some(pool) => {
-                let lanes = Lanes::attach(setup, runtime_dir, pool, &self.lane, interrupted)?;
-                if !lanes.are_saved() {
-                    err!(
-                        "smaclite-pool: warning: pool `{pool}` does not serve the field `snapshot`: where \
-                         the run is resumed, environments begin anew, and it has other bits than one that \
-                         was not interrupted"
-                    );
-                }
-                lanes
-            }
+            Some(pool) => Lanes::attach(setup, runtime_dir, pool, &self.lane, interrupted)?,
             None => Lanes::start(setup, num_envs, last_actions, (threads - 1).max(1), runtime_dir)?,
         })
     }
 }
+
+    /// Says what a run on lanes without snapshots loses; to be called when nothing can refuse the run anymore.
+    fn warn_of_snapshots(&self, are_saved: bool) {
+        if let Some(pool) = self.pool.as_ref().filter(|_| !are_saved) {
+            err!(
+                "smaclite-pool: warning: pool `{pool}` does not serve the field `snapshot`: where the run is \
+                 resumed, environments begin anew, and it has other bits than one that was not interrupted"
+            );
+        }
+    }

@@ -335,6 +335,28 @@ fn a_weight_of_a_map_names_the_map() {
     check_error(folder.path(), "train --maps 3m=0,MMM --out run", 1, expected);
 }
 
+/// The warning said that environments begin anew, and an error then refused the snapshots of the checkpoint.
+#[test]
+fn a_run_with_snapshots_is_resumed_on_a_pool_without_them() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    output(folder, &format!("train 3m --steps 256 --last-actions 0 --out own {SMALL}"));
+    let mut pool = serve(folder, "bare", "3m:8");
+    let resume = "train --resume own --steps 512 --pool bare --threads 1";
+    let done = run(folder, resume);
+    let message = String::from_utf8_lossy(&done.stderr).into_owned();
+    let warning = "pool `bare` does not serve the field `snapshot`: where the run is resumed, environments";
+    assert!(done.status.success() && message.contains(warning), "{message}");
+    // What refuses the run comes first: it needs no advice then.
+    output(folder, &format!("train 3m --steps 256 --last-actions 2 --out other {SMALL}"));
+    let message = error(folder, "train --resume other --steps 512 --pool bare --threads 1", 1);
+    assert!(
+        message.contains("serve it with --obs-last-actions 2") && !message.contains(warning),
+        "{message}"
+    );
+    pool.kill().and_then(|()| pool.wait()).expect("it ran");
+}
+
 /// Closing a terminal ended a pool without its end: its files stayed in shared memory.
 #[test]
 fn a_closed_terminal_ends_a_pool_cleanly() {
