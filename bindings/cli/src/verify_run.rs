@@ -5,7 +5,7 @@ use crate::number::count;
 use crate::process::interrupt_flag;
 use clap::{Args, ValueEnum};
 use smaclite_lab::verify;
-use smaclite_learn::{FileError, RunDescription, runs_in};
+use smaclite_learn::{FileError, RunDescription, refuse_both, runs_in};
 use smaclite_pool::PoolOptions;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
@@ -81,5 +81,6 @@ fn runs_of(folder: &Path) -> Result<Vec<PathBuf>, FileError> {
         }
     }
     RunDescription::read(folder)?;
+    refuse_both(folder)?;
     Ok(vec![folder.to_owned()])
 }

@@ -2,9 +2,8 @@
 
 use crate::checkpoint::write_actor;
 use crate::config::{Config, NetworkKind};
-use crate::description::{
-    OtherMap, RunDescription, WEIGHTS, Weights, holds_run, read_team_of, write_description,
-};
+use crate::description::{OtherMap, RunDescription, WEIGHTS, Weights, read_team_of, write_description};
+use crate::seeds::held_run;
 use crate::tensors::FileError;
 use crate::zoo_folders::ExportError;
 use smaclite_engine::BattleSetup;
@@ -27,8 +26,8 @@ pub fn adapt_team(
     }
     let run = run.on(map)?;
     let (run, _, actor) = read_team_of(from, run, weights)?;
-    if holds_run(to)? {
-        return Err(ExportError::HoldsRun { folder: to.to_owned() });
+    if let Some(folder) = held_run(to)? {
+        return Err(ExportError::HoldsRun { folder });
     }
     std::fs::create_dir_all(to).map_err(|source| FileError::Write { path: to.to_owned(), source })?;
     write_actor(&to.join(WEIGHTS), &actor)?;

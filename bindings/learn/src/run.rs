@@ -19,13 +19,13 @@
 use crate::checkpoint::{Checkpoint, read_actor, write_actor, write_weights};
 use crate::config::Config;
 use crate::description::{
-    LOG, OPPONENT, RunDescription, WEIGHTS, Weights, copy_team, holds_run, read_rival, read_team,
-    write_description,
+    LOG, OPPONENT, RunDescription, WEIGHTS, Weights, copy_team, read_rival, read_team, write_description,
 };
 use crate::evaluations::{EvaluationFiles, EvaluationRow, Evaluations, Trained};
 use crate::lane_error::LaneError;
 use crate::lanes::Lanes;
 use crate::log::{CsvLog, KeptLines, TensorBoardLog};
+use crate::seeds::held_run;
 use crate::tensors::{FileError, remove_incomplete};
 use crate::training::{Record, TrainError, Training};
 use crate::zoo_folders;
@@ -34,6 +34,9 @@ use smaclite_units::file::os::to_lock;
 use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
+
+/// What the run is resumed from.
+const CHECKPOINT: &str = "checkpoint.safetensors";
 
 /// How often a checkpoint is written, besides at the end.
 const CHECKPOINT_INTERVAL: Duration = Duration::from_secs(60);
@@ -144,9 +147,10 @@ impl Run {
     ) -> Result<Run, TrainError> {
         let (mut setups, lanes): (Vec<BattleSetup>, Vec<Lanes>) = maps.into_iter().unzip();
         let setup = setups.remove(0);
-        let check_free = || match holds_run(folder)? {
-            true => Err(TrainError::FolderInUse(folder.display().to_string())),
-            false => Ok(()),
+        let check_free = || match held_run(folder)? {
+            None => Ok(()),
+            Some(run) if run == folder => Err(TrainError::FolderInUse(folder.display().to_string())),
+            Some(run) => Err(TrainError::SeedsInFolder { run, folder: folder.to_owned() }),
         };
         check_free()?;
         let rival = rival_folder.as_deref().map(|folder| read_rival::<TrainError>(folder, &lanes[0]));
@@ -202,6 +206,7 @@ impl Run {
         let mut description = RunDescription::read(folder)?;
         let described = description.config.steps;
         description.config.steps = steps.unwrap_or(described);
+        let path = folder.join(CHECKPOINT);
         let RunDescription { config, setup, other_maps, .. } = description.clone();
         let (given, expected) = (lanes.len(), 1 + other_maps.len());
         if given != expected {
@@ -212,7 +217,6 @@ impl Run {
             0 => read_team(&folder.join(OPPONENT), Some(Weights::Last)).map(|(_, _, network)| network),
             number => read_actor(&copy_path(folder, number), actor.clone()),
         };
-        let path = folder.join("checkpoint.safetensors");
         let state = Checkpoint::read(&path, &config, &description.inputs, &mut read_rival)?;
         // A complete run has made some steps more than described, and can be resumed with that number.
         let (given, made) = (config.steps, state.progress.steps);
@@ -308,7 +312,7 @@ impl Run {
         self.csv.sync()?; // the checkpoint is not continued without the lines of its updates
         let state = self.training.state();
         write_weights(&self.folder.join(WEIGHTS), &state.team)?;
-        state.write(&self.folder.join("checkpoint.safetensors"))?;
+        state.write(&self.folder.join(CHECKPOINT))?;
         self.last_checkpoint = Instant::now();
         Ok(())
     }

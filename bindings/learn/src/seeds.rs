@@ -14,7 +14,7 @@ use crate::lanes::Lanes;
 use crate::run::Run;
 use crate::training::{Record, TrainError};
 pub use error::SeedsError;
-pub use folder::runs_in;
+pub use folder::{held_run, refuse_both, runs_in};
 use smaclite_engine::BattleSetup;
 use smaclite_ipc::{ClientError, RuntimeDir};
 use std::path::{Path, PathBuf};
@@ -89,6 +89,9 @@ impl Seeds {
     ) -> Result<Seeds, SeedsError> {
         let seeds = (0..count).map(|i| config.seed.wrapping_add(i));
         let runs: Vec<_> = seeds.map(|seed| (seed, seed_folder(folder, seed))).collect();
+        if holds_run(folder)? {
+            return Err(TrainError::FolderInUse(folder.display().to_string()).into());
+        }
         for (_, path) in &runs {
             if holds_run(path)? {
                 return Err(SeedsError::InUse { run: path.clone(), folder: folder.to_owned() });

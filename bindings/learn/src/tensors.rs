@@ -35,6 +35,11 @@ pub enum FileError {
     )]
     Undescribed { folder: PathBuf, found: &'static str },
     #[error(
+        "`{}` holds a run, and `{}` in it another one, as `train --seeds` calls it, which would be overlooked: \
+         move one of them elsewhere", folder.display(), inner.display()
+    )]
+    Both { folder: PathBuf, inner: PathBuf },
+    #[error(
         "`{}` is a team of the zoo, which has no {missing}: only the files that let it play were kept",
         folder.display()
     )]

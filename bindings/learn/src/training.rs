@@ -18,6 +18,7 @@ use crate::tensors::FileError;
 use smaclite_ipc::ClientError;
 use std::borrow::Cow;
 use std::collections::HashSet;
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 /// Updates between two restarts of the environments.
@@ -38,6 +39,14 @@ pub enum TrainError {
     File(#[from] FileError),
     #[error("`{0}` already holds a run; resume it with --resume, or choose another folder")]
     FolderInUse(String),
+    #[error(
+        "`{}` already holds a run; continue the runs in `{}` with --resume, or choose another folder",
+        run.display(), folder.display()
+    )]
+    SeedsInFolder {
+        run: PathBuf,
+        folder: PathBuf,
+    },
     #[error("`{folder}` has made {made} steps: --steps must be at least that many, got {given}")]
     FewerSteps {
         folder: String,

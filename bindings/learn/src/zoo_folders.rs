@@ -1,6 +1,7 @@
 //! Teams of the zoo where the folder of a run is expected: refused, or written as one.
 
-use crate::description::{OtherMap, holds_run};
+use crate::description::OtherMap;
+use crate::seeds::held_run;
 use crate::tensors::{FileError, write};
 use crate::zoo::{PREFIX, folder, zoo_file, zoo_teams};
 use std::path::{Path, PathBuf};
@@ -22,8 +23,8 @@ pub fn export_zoo_team(scenario: &str, to: &Path) -> Result<(), ExportError> {
     if !zoo_teams().any(|team| team == name) {
         return Err(FileError::NotInZoo { name: name.to_owned() }.into());
     }
-    if holds_run(to)? {
-        return Err(ExportError::HoldsRun { folder: to.to_owned() });
+    if let Some(folder) = held_run(to)? {
+        return Err(ExportError::HoldsRun { folder });
     }
     std::fs::create_dir_all(to).map_err(|source| FileError::Write { path: to.to_owned(), source })?;
     // The description last: a folder without it is not a run.

@@ -17,7 +17,7 @@ use smaclite_engine::{BattleSetup, Rules};
 use smaclite_ipc::{ClientError, RuntimeDir, WaitOptions, lane_scenario, status_within};
 use smaclite_learn::{
     Activation, Algorithm, Config, Enemies, Lanes, NetworkKind, Run, RunDescription, Seeds, TrainError,
-    resolve_scenario,
+    refuse_both, resolve_scenario,
 };
 use smaclite_pool::MAX_LAST_ACTIONS;
 use std::error::Error;
@@ -264,6 +264,7 @@ impl Train {
         runtime_dir: &RuntimeDir,
         interrupted: &mut dyn FnMut() -> bool,
     ) -> Result<Opened, Box<dyn Error>> {
+        refuse_both(folder)?;
         if self.pool.is_none()
             && folder.is_dir()
             && !folder.join("run.json").exists()
@@ -406,7 +407,6 @@ impl Train {
             None => Lanes::start(setup, num_envs, last_actions, (threads - 1).max(1), runtime_dir)?,
         })
     }
-}
 
     /// Says what a run on lanes without snapshots loses; to be called when nothing can refuse the run anymore.
     fn warn_of_snapshots(&self, are_saved: bool) {
@@ -417,3 +417,4 @@ impl Train {
             );
         }
     }
+}

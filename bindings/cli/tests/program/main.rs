@@ -4,6 +4,7 @@ mod dataset;
 mod dependencies;
 mod doctor;
 mod files;
+mod folders;
 mod kit;
 mod page_kit;
 mod play;

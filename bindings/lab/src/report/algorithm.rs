@@ -1,7 +1,7 @@
 //! The runs of an algorithm: found in folders, sorted by task and seed, and checked to be comparable.
 
 use super::{EvaluatedRun, ReportError};
-use smaclite_learn::{FileError, refuse_undescribed, refuse_zoo_team};
+use smaclite_learn::{FileError, refuse_both, refuse_undescribed, refuse_zoo_team};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -49,6 +49,7 @@ impl AlgorithmRuns {
 /// Adds the folders of runs in a folder. What is in the folder of a run belongs to it.
 fn find(folder: &Path, depth: usize, found: &mut Vec<PathBuf>) -> Result<(), FileError> {
     if EvaluatedRun::is_in(folder) {
+        refuse_both(folder)?;
         found.push(folder.to_owned());
         return Ok(());
     }

@@ -1,7 +1,7 @@
 //! The runs in a folder, and whether they are those of one `train --seeds`.
 
 use super::{SeedsError, seed_folder};
-use crate::description::{RunDescription, refuse_undescribed};
+use crate::description::{DESCRIPTIONS, RunDescription, holds_run, refuse_undescribed};
 use crate::tensors::FileError;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -25,6 +25,51 @@ pub fn runs_in(folder: &Path) -> Result<Vec<(PathBuf, RunDescription)>, FileErro
     }
     runs.sort_by(|(a, of_a), (b, of_b)| (of_a.config.seed, a).cmp(&(of_b.config.seed, b)));
     Ok(runs)
+}
+
+/// The run that a folder holds: its own, or the first of those of `train --seeds` in it. Beside either, another
+/// run would hide one of them: where a folder has a `run.json`, no run is looked for in its subfolders.
+///
+/// # Errors
+/// If the folder cannot be read, or holds a run without its `run.json`.
+pub fn held_run(folder: &Path) -> Result<Option<PathBuf>, FileError> {
+    if holds_run(folder)? { Ok(Some(folder.to_owned())) } else { seed_in(folder) }
+}
+
+/// Refuses a folder that holds a run and others of `train --seeds`, of which one would be overlooked.
+///
+/// # Errors
+/// If it does, or cannot be read.
+pub fn refuse_both(folder: &Path) -> Result<(), FileError> {
+    if !DESCRIPTIONS.iter().any(|name| folder.join(name).is_file()) {
+        return Ok(());
+    }
+    match seed_in(folder)? {
+        Some(inner) => Err(FileError::Both { folder: folder.to_owned(), inner }),
+        None => Ok(()),
+    }
+}
+
+/// The run in a folder that is called as those of `train --seeds` are.
+fn seed_in(folder: &Path) -> Result<Option<PathBuf>, FileError> {
+    if !folder.is_dir() {
+        return Ok(None);
+    }
+    let error = |source| FileError::Read { path: folder.to_owned(), source };
+    let mut seeds = Vec::new();
+    for entry in std::fs::read_dir(folder).map_err(error)? {
+        let entry = entry.map_err(error)?;
+        let seed =
+            entry.file_name().to_str().and_then(|name| name.strip_prefix("seed-")?.parse::<u64>().ok());
+        seeds.extend(seed.map(|seed| (seed, entry.path())));
+    }
+    seeds.sort();
+    for (_, path) in seeds {
+        if holds_run(&path)? {
+            return Ok(Some(path));
+        }
+    }
+    Ok(None)
 }
 
 /// The runs in a folder differ in their seeds alone, by which their folders are called. A folder of other

@@ -1,0 +1,61 @@
+//! Folders of runs where something else is to be, and those that are less than a run.
+
+use crate::kit::{check_error, output};
+use std::fs;
+
+const SMALL: &str = "--num-envs 8 --horizon 16 --hidden 8,8 --steps 128 --threads 1";
+
+/// `train --seeds` in the folder of a run, and a run in that of seeds, were begun: all seeds were overlooked
+/// from then on, without a word.
+#[test]
+fn a_run_and_seeds_are_not_begun_in_one_folder() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let evaluated = format!("{SMALL} --evaluate-every 128");
+    output(folder, &format!("train 3m --seeds 2 --out seeds {evaluated}"));
+    output(folder, &format!("train 3m --seed 9 --out one {evaluated}"));
+    let seeds = "`seeds/seed-0` already holds a run; continue the runs in `seeds` with --resume";
+    check_error(folder, &format!("train 3m --seed 9 --out seeds {SMALL}"), 1, seeds);
+    let one = "`one` already holds a run; resume it with --resume, or choose another folder";
+    check_error(folder, &format!("train 3m --seeds 2 --out one {SMALL}"), 1, one);
+    check_error(folder, "zoo --export 3m seeds", 1, "`seeds/seed-0` already holds a run");
+    check_error(folder, "adapt zoo:all-maps 3m --out seeds", 1, "`seeds/seed-0` already holds a run");
+    let exploit = |out: &str| format!("exploit one --steps 100 --seeds 1 --seed 5 --episodes 2 --out {out}");
+    check_error(folder, &exploit("seeds"), 1, "`seeds/seed-0` already holds a run, and `exploit` continues");
+    check_error(folder, &exploit("one"), 1, "`one` already holds a run, and `exploit` continues none");
+    assert!(!folder.join("seeds/run.json").exists() && !folder.join("one/seed-5").exists());
+    // What is called otherwise is no seed, as the report of a run.
+    output(folder, "report one --skip-times --out one/report");
+    output(folder, "train --resume one --steps 256");
+
+    // Where both are in a folder already, none is overlooked.
+    for entry in fs::read_dir(folder.join("one")).expect("a folder") {
+        let path = entry.expect("an entry").path();
+        fs::rename(&path, folder.join("seeds").join(path.file_name().expect("a name"))).expect("a move");
+    }
+    let both = "`seeds` holds a run, and `seeds/seed-0` in it another one, as `train --seeds` calls it";
+    for command in [
+        "report seeds --skip-times --out report",
+        "verify-run seeds",
+        "train --resume seeds",
+        "train --resume seeds --seeds 3",
+    ] {
+        check_error(folder, command, 1, both);
+    }
+}
+
+/// The files of a report were written among those of a run.
+#[test]
+fn results_are_not_written_into_the_folder_of_a_run() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    output(folder, &format!("train 3m --out run {SMALL} --evaluate-every 128"));
+    let names = || fs::read_dir(folder.join("run")).expect("a folder").count();
+    let before = names();
+    let expected = "--out must not be the folder of a run, as `run` is; choose another one";
+    check_error(folder, "report run --out run", 1, expected);
+    check_error(folder, "tournament hold random --scenario 3m --episodes 2 --out run", 1, expected);
+    assert_eq!(names(), before);
+    output(folder, "report run --skip-times --out report");
+    output(folder, "report run --skip-times --out report"); // those of an earlier one are replaced
+}
