@@ -26,7 +26,7 @@ use crate::lane_error::LaneError;
 use crate::lanes::Lanes;
 use crate::log::{CsvLog, KeptLines, TensorBoardLog};
 use crate::seeds::held_run;
-use crate::tensors::{FileError, remove_incomplete};
+use crate::tensors::{FileError, exists, remove_incomplete};
 use crate::training::{Record, TrainError, Training};
 use crate::zoo_folders;
 use smaclite_engine::BattleSetup;
@@ -207,6 +207,10 @@ impl Run {
         let described = description.config.steps;
         description.config.steps = steps.unwrap_or(described);
         let path = folder.join(CHECKPOINT);
+        if !exists(&path) {
+            let why = "folders of `adapt` and `zoo --export` have none, and no training continues from them";
+            return Err(FileError::NoWeights { folder: folder.to_owned(), missing: CHECKPOINT, why }.into());
+        }
         let RunDescription { config, setup, other_maps, .. } = description.clone();
         let (given, expected) = (lanes.len(), 1 + other_maps.len());
         if given != expected {

@@ -44,6 +44,22 @@ fn a_run_and_seeds_are_not_begun_in_one_folder() {
     }
 }
 
+/// "cannot read `adapted/checkpoint.safetensors`: No such file or directory" sounded like damage.
+#[test]
+fn a_team_that_was_written_without_a_training_is_not_resumed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    output(folder, "adapt zoo:all-maps 3m --out adapted");
+    output(folder, "zoo --export 3m exported");
+    for team in ["adapted", "exported"] {
+        let expected = format!(
+            "`{team}` has no checkpoint.safetensors: folders of `adapt` and `zoo --export` have none, and no \
+             training continues from them"
+        );
+        check_error(folder, &format!("train --resume {team} --threads 1"), 1, &expected);
+    }
+}
+
 /// The files of a report were written among those of a run.
 #[test]
 fn results_are_not_written_into_the_folder_of_a_run() {
