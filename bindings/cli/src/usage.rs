@@ -28,6 +28,9 @@ fn accept_negative_numbers(command: Command) -> Command {
 /// Suggests the options that have the name of an unknown one as a word: `--actor-lr` and others for `--lr`.
 /// clap's own suggestions are names of similar letters; its advice to write `-- --lr` never helps.
 fn improve(mut error: clap::Error, command: &Command, args: &[OsString]) -> clap::Error {
+    if error.kind() == ErrorKind::InvalidUtf8 {
+        return not_text(command, args);
+    }
     let unknown = match error.get(ContextKind::InvalidArg) {
         Some(ContextValue::String(unknown)) if error.kind() == ErrorKind::UnknownArgument => unknown.clone(),
         _ => return error,
@@ -49,6 +52,14 @@ fn improve(mut error: clap::Error, command: &Command, args: &[OsString]) -> clap
         error.insert(ContextKind::SuggestedArg, ContextValue::Strings(options));
     }
     error
+}
+
+/// An argument that must be text is none: clap does not say which.
+fn not_text(command: &Command, args: &[OsString]) -> clap::Error {
+    let others = args.iter().skip(1).filter(|arg| arg.to_str().is_none());
+    let others: Vec<String> = others.map(|arg| format!("`{}`", arg.to_string_lossy())).collect();
+    let message = format!("this command accepts only arguments in UTF-8, got {}", others.join(" and "));
+    given_command(command, args).clone().error(ErrorKind::InvalidUtf8, message)
 }
 
 /// The innermost command that the arguments name.

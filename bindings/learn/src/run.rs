@@ -145,6 +145,9 @@ impl Run {
         threads: usize,
         rival_folder: Option<PathBuf>,
     ) -> Result<Run, TrainError> {
+        if let Some(rival) = config.enemies.folder().filter(|folder| folder.to_str().is_none()) {
+            return Err(TrainError::NotText(rival.to_owned())); // run.json could not name it
+        }
         let (mut setups, lanes): (Vec<BattleSetup>, Vec<Lanes>) = maps.into_iter().unzip();
         let setup = setups.remove(0);
         let check_free = || match held_run(folder)? {

@@ -1,7 +1,10 @@
 //! Folders of runs where something else is to be, and those that are less than a run.
 
-use crate::kit::{check_error, output};
+use crate::kit::{check_error, error, output, program};
+use std::ffi::OsStr;
 use std::fs;
+use std::os::unix::ffi::OsStrExt;
+use std::path::Path;
 
 const SMALL: &str = "--num-envs 8 --horizon 16 --hidden 8,8 --steps 128 --threads 1";
 
@@ -74,4 +77,34 @@ fn results_are_not_written_into_the_folder_of_a_run() {
     assert_eq!(names(), before);
     output(folder, "report run --skip-times --out report");
     output(folder, "report run --skip-times --out report"); // those of an earlier one are replaced
+}
+
+/// `exploit` named a file of a temporary folder, with a good name; others named no argument at all.
+#[test]
+fn a_name_that_is_no_text_is_the_one_that_the_error_names() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let bad = OsStr::from_bytes(b"bad\xff");
+    output(folder, &format!("train 3m --out run {SMALL}"));
+    fs::create_dir(folder.join(bad)).expect("a folder");
+    fs::rename(folder.join("run"), folder.join(bad).join("run")).expect("a move");
+    let run = Path::new(bad).join("run");
+    let check = |before: &str, after: &str, status: i32, expected: &str| {
+        let mut command = program(folder, before);
+        command.arg(&run).args(after.split(' ').filter(|argument| !argument.is_empty()));
+        let done = command.output().expect("the program starts");
+        let message = String::from_utf8_lossy(&done.stderr).replace("\n  ", " ");
+        assert_eq!(done.status.code(), Some(status), "{before}: {message}");
+        assert!(message.contains(expected), "{before}: {message}");
+    };
+    let of_exploit =
+        "the folder of the team that is to play the enemies, `bad\u{fffd}/run`, must have a name";
+    check("exploit", "--steps 100 --seeds 1 --episodes 2 --out kept", 1, of_exploit);
+    assert!(!folder.join("kept").exists());
+    let of_others = "this command accepts only arguments in UTF-8, got `bad\u{fffd}/run`";
+    for command in ["report --out out", "tournament --scenario 3m", "train --out other", "show"] {
+        check(command, "", 2, of_others);
+    }
+    check("train 3m --out other --opponent", "", 2, of_others);
+    assert!(error(folder, "report", 2).contains("<[NAME=]FOLDER>"));
 }
