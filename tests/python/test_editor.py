@@ -36,7 +36,9 @@ class EditorPage:
         self.problems: list[str] = []
         self.page.on("console", lambda message: self.problems.append(message.text))
         self.page.on("pageerror", lambda error: self.problems.append(str(error)))
-        self.page.on("dialog", lambda dialog: dialog.accept())
+        self.page.on("dialog", self.answer)
+        self.questions: list[str] = []
+        self.agrees = True
         self.page.goto(url)
         self.page.wait_for_selector("html[data-ready]", state="attached", timeout=60_000)
         self.wait_for_state(state)
@@ -47,6 +49,16 @@ class EditorPage:
     def __exit__(self, *_: object) -> None:
         self.page.close()
         assert self.problems == []
+
+    def answer(self, dialog: Any) -> None:
+        self.questions.append(dialog.message)
+        dialog.accept() if self.agrees else dialog.dismiss()
+
+    def rename(self, name: str) -> None:
+        """Changes the name of the scenario."""
+        self.tab("scenario")
+        self.field("name").fill(name)
+        self.settle()
 
     def settle(self) -> None:
         """Waits until two more pictures are drawn."""
@@ -538,6 +550,39 @@ def test_a_generated_scenario_shows_what_the_seed_draws(browser: Any) -> None:
         editor.wait(lambda: editor.page.evaluate(picture) == first)
     with Editor(browser, "2s3z") as editor:
         assert not editor.page.is_visible("#draw")
+
+
+def test_what_was_saved_elsewhere_since_a_page_opened_it_is_not_replaced_unasked(
+    browser: Any, file: Path
+) -> None:
+    """What one page saved was known to the program, and so not asked about in another page."""
+    with Editor(browser, str(file)) as editor, EditorPage(browser, editor.page.url) as other:
+        other.rename("other")
+        other.press("ControlOrMeta+s")
+        other.wait(lambda: "Saved mine.json" in other.page.inner_text("#message"))
+        editor.rename("mine")
+        editor.agrees = False
+        editor.press("ControlOrMeta+s")
+        editor.wait(lambda: len(editor.questions) == 1)
+        assert editor.questions[0].startswith("Changed elsewhere") and "mine.json" in editor.questions[0]
+        assert json.loads(file.read_text())["name"] == "other" and other.questions == []
+        editor.agrees = True
+        editor.press("ControlOrMeta+s")
+        editor.wait(lambda: "Saved mine.json" in editor.page.inner_text("#message"))
+        assert json.loads(file.read_text())["name"] == "mine" and len(editor.questions) == 2
+        editor.rename("again")  # what a page has saved itself needs no question
+        editor.press("ControlOrMeta+s")
+        editor.wait(lambda: json.loads(file.read_text())["name"] == "again")
+        assert len(editor.questions) == 2
+
+        # Another program, after which a page is opened; it was then known to the program.
+        file.write_text(file.read_text().replace('"again"', '"program"'))
+        with EditorPage(browser, editor.page.url):
+            editor.rename("last")
+            editor.agrees = False
+            editor.press("ControlOrMeta+s")
+            editor.wait(lambda: len(editor.questions) == 3)
+        assert json.loads(file.read_text())["name"] == "program"
 
 
 @pytest.mark.skipif(not PAGE.exists(), reason="no page; see `just playground`")

@@ -16,8 +16,13 @@ import { tell } from "./message.js";
  * @property {ScenarioFiles} files
  * @property {string | null} target The file that is saved.
  * @property {boolean} exists Whether it exists.
- * @property {(files: ScenarioFiles, replace: boolean) =>
- *   Promise<{ saved: string[] } | { conflicts: string[] }>} save
+ * @property {Base} base
+ * @property {(files: ScenarioFiles, base: Base, replace: boolean) =>
+ *   Promise<{ saved: { files: string[], base: Base } } | { conflicts: string[] }>} save
+ */
+/**
+ * Checksums of the files that the program opened or saved last for this page; it compares the disk with them.
+ * @typedef {{ [file: string]: string }} Base
  */
 
 /**
@@ -71,10 +76,11 @@ export class FileStore {
    * @param {EditorPage} page
    * @param {Opened} opened
    */
-  constructor(page, { target, exists, save }) {
+  constructor(page, { target, exists, base, save }) {
     this.page = page;
     /** The file that the program writes, or null. */
     this.target = target;
+    this.base = base;
     this.write = save;
     /** Whether the document is the target's, and whether the target exists. */
     this.isTargets = target !== null;
@@ -124,16 +130,16 @@ export class FileStore {
     const { state } = this.page.doc;
     try {
       const isReplaced = replace || (!this.isTargets && this.exists);
-      const response = await this.write(this.page.doc.files(), isReplaced);
+      const response = await this.write(this.page.doc.files(), this.base, isReplaced);
       if ("conflicts" in response) {
         const files = response.conflicts.join(", ");
-        if (confirm(`Changed by another program, or not of this scenario: ${files}. Replace?`))
-          await this.save(true);
+        if (confirm(`Changed elsewhere, or not of this scenario: ${files}. Replace?`)) await this.save(true);
         return;
       }
+      this.base = response.saved.base;
       this.isTargets = this.exists = true;
       this.page.doc.saved = state;
-      const saved = response.saved.map((file) => `${stemOf(file)}.json`);
+      const saved = response.saved.files.map((file) => `${stemOf(file)}.json`);
       tell(saved.length ? `Saved ${saved.join(", ")}.` : "Nothing has changed since the last save.");
       this.page.refresh();
     } catch (error) {

@@ -18,6 +18,7 @@ async function editInPage(data) {
     files: { source: "new_scenario.json", text: builtins.new, unit_files: [] },
     target: null,
     exists: false,
+    base: {},
     save: download,
   });
   await startEditor(engine, open, data.other);

@@ -56,7 +56,7 @@ enum EditorError {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::web::protocol::SaveFiles;
+    use crate::web::protocol::{Base, SaveFiles};
     use smaclite_scenarios::ScenarioFiles;
 
     #[test]
@@ -68,6 +68,7 @@ mod tests {
         };
         check(PageRequest::Unfollow {}, "one of another page");
         let files = ScenarioFiles { source: "s.json".into(), text: "{".into(), unit_files: Vec::new() };
-        check(PageRequest::SaveFiles(SaveFiles { files, replace: true }), "the command names no file");
+        let save = SaveFiles { files, base: Base::new(), replace: true };
+        check(PageRequest::SaveFiles(save), "the command names no file");
     }
 }

@@ -1,12 +1,12 @@
 //! What the editor begins with, and the files that it may write: the one that the command names and the unit
 //! files of that scenario, in the same folder.
 
-use crate::web::protocol::{OpenedFiles, SaveFiles, SavedFiles};
+use crate::web::protocol::{Base, OpenedFiles, SaveFiles, SavedFiles};
 use serde_json::Value;
+use smaclite_engine::fnv::Fnv1a;
 use smaclite_playground::new_scenario;
 use smaclite_scenarios::{Problems, Scenario, ScenarioFiles};
 use smaclite_units::file::{MAX_SCENARIO_BYTES, MAX_UNIT_BYTES, Report, read_text, shown_path, write_whole};
-use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
@@ -64,22 +64,19 @@ impl Start {
 
     /// The files to begin with; and the file that `save` writes, if there is one.
     pub(super) fn open(&self) -> Result<OpenedFiles, TargetError> {
-        match self {
-            Start::New => {
-                Ok(OpenedFiles { files: new_files("new_scenario.json"), target: None, exists: false })
-            }
-            Start::Standard(files) => {
-                Ok(OpenedFiles { files: (**files).clone(), target: None, exists: false })
-            }
+        let unsaved = |files| OpenedFiles { files, target: None, exists: false, base: Base::new() };
+        Ok(match self {
+            Start::New => unsaved(new_files("new_scenario.json")),
+            Start::Standard(files) => unsaved((**files).clone()),
             Start::File(target) => {
                 let path = shown_path(&target.path);
-                let (files, exists) = match target.read()? {
-                    Some(files) => (files, true),
-                    None => (new_files(&path), false),
+                let (files, exists, base) = match target.read()? {
+                    Some((files, base)) => (files, true, base),
+                    None => (new_files(&path), false, Base::new()),
                 };
-                Ok(OpenedFiles { files, target: Some(path), exists })
+                OpenedFiles { files, target: Some(path), exists, base }
             }
-        }
+        })
     }
 
     pub(super) fn save(&self, save: SaveFiles) -> Result<SavedFiles, TargetError> {
@@ -102,16 +99,12 @@ pub(crate) struct Target {
     path: PathBuf,
     /// Its folder, without symbolic links.
     folder: PathBuf,
-    known: Mutex<Known>,
+    /// The unit files that were read last.
+    units: Mutex<Vec<KnownUnit>>,
 }
 
-/// The files as this program last read or wrote them.
-#[derive(Default)]
-struct Known {
-    texts: BTreeMap<PathBuf, String>,
-    /// The unit files: name, keys and path.
-    units: Vec<(String, Vec<String>, PathBuf)>,
-}
+/// The name of a unit type, its keys in the scenario file, and its file.
+type KnownUnit = (String, Vec<String>, PathBuf);
 
 impl Target {
     fn new(path: &Path) -> Result<Target, TargetError> {
@@ -120,28 +113,27 @@ impl Target {
             _ => Path::new("."),
         };
         let folder = parent.canonicalize().map_err(|error| TargetError::Io(shown_path(parent), error))?;
-        Ok(Target { path: path.into(), folder, known: Mutex::default() })
+        Ok(Target { path: path.into(), folder, units: Mutex::default() })
     }
 
-    /// The file and its unit files; none if it does not exist.
-    fn read(&self) -> Result<Option<ScenarioFiles>, TargetError> {
+    /// The file and its unit files, and their checksums; none if it does not exist.
+    fn read(&self) -> Result<Option<(ScenarioFiles, Base)>, TargetError> {
         if !self.path.exists() {
             return Ok(None);
         }
         let (files, paths) = ScenarioFiles::open(&self.path)?;
-        let mut known = Known::default();
-        known.texts.insert(self.path.clone(), files.text.clone());
-        for (unit, path) in files.unit_files.iter().zip(paths) {
-            known.texts.insert(path.clone(), unit.text.clone());
-            known.units.push((unit.name.clone(), unit.keys.clone(), path));
-        }
-        *self.known.lock().unwrap_or_else(PoisonError::into_inner) = known;
-        Ok(Some(files))
+        let mut base = Base::from([entry(&self.path, &files.text)]);
+        base.extend(files.unit_files.iter().zip(&paths).map(|(unit, path)| entry(path, &unit.text)));
+        *self.units.lock().unwrap_or_else(PoisonError::into_inner) = (files.unit_files.iter().zip(paths))
+            .map(|(unit, path)| (unit.name.clone(), unit.keys.clone(), path))
+            .collect();
+        Ok(Some((files, base)))
     }
 
-    fn save(&self, SaveFiles { files, replace }: SaveFiles) -> Result<SavedFiles, TargetError> {
-        let mut known = self.known.lock().unwrap_or_else(PoisonError::into_inner);
-        let writes = self.writes(&known, &files)?;
+    fn save(&self, SaveFiles { files, mut base, replace }: SaveFiles) -> Result<SavedFiles, TargetError> {
+        // Until all is written: two pages that save at the same time do so one after the other.
+        let units = self.units.lock().unwrap_or_else(PoisonError::into_inner);
+        let writes = self.writes(&units, &files)?;
         let mut conflicts = Vec::new();
         let mut changed = Vec::new();
         for (path, text, max) in writes {
@@ -150,13 +142,15 @@ impl Target {
                 return Err(TargetError::TooLarge { file, bytes: text.len(), max });
             }
             let on_disk = if path.exists() { Some(read(&path, max)?) } else { None };
+            let (key, checksum) = entry(&path, text);
+            let before = base.insert(key, checksum);
             if on_disk.as_ref() == Some(text) {
                 continue;
             }
             if path != self.path {
                 self.check_inside(&path)?;
             }
-            if on_disk.is_some() && on_disk.as_ref() != known.texts.get(&path) {
+            if on_disk.is_some_and(|text| Some(entry(&path, &text).1) != before) {
                 conflicts.push(file);
             }
             changed.push((path, text));
@@ -168,23 +162,22 @@ impl Target {
         for (path, text) in changed {
             write_text(&path, text).map_err(|error| TargetError::Io(shown_path(&path), error))?;
             saved.push(shown_path(&path));
-            known.texts.insert(path, text.clone());
         }
-        Ok(SavedFiles::Saved(saved))
+        Ok(SavedFiles::Saved { files: saved, base })
     }
 
     /// What is to be written: path, text, and the most bytes that it may have.
     fn writes<'a>(
         &self,
-        known: &Known,
+        known: &[KnownUnit],
         files: &'a ScenarioFiles,
     ) -> Result<Vec<(PathBuf, &'a String, u64)>, TargetError> {
         let mut writes: Vec<(PathBuf, &String, u64)> = Vec::new();
         for unit in &files.unit_files {
-            let is_same = |(name, keys, _): &&(String, Vec<String>, PathBuf)| {
+            let is_same = |(name, keys, _): &&KnownUnit| {
                 *name == unit.name && unit.keys.iter().any(|key| keys.contains(key))
             };
-            let path = match known.units.iter().find(is_same) {
+            let path = match known.iter().find(is_same) {
                 Some((.., path)) => path.clone(),
                 None => self.new_unit_path(&unit.name, &files.text)?,
             };
@@ -227,6 +220,13 @@ impl Target {
             _ => Err(TargetError::Outside(shown_path(path))),
         }
     }
+}
+
+/// A file as a page knows it. The checksum is the same in every run.
+fn entry(path: &Path, text: &str) -> (String, String) {
+    let mut checksum = Fnv1a::default();
+    checksum.write(text.as_bytes());
+    (shown_path(path), format!("{:016x}", checksum.finish()))
 }
 
 /// The same for every path of a file, which need not exist.

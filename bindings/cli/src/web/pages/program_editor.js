@@ -15,7 +15,7 @@ async function editWithProgram(data) {
   const open = async () => ({
     ...(await connection.request({ type: "open_files" })),
     /** @type {import("#playground/editor/files.js").Opened["save"]} */
-    save: (files, replace) => connection.request({ type: "save_files", files, replace }),
+    save: (files, base, replace) => connection.request({ type: "save_files", files, base, replace }),
   });
   const page = await startEditor(engine, open, data.other);
   const resume = () => {

@@ -2,12 +2,13 @@
 import type { Outcome as SessionOutcome, Request as SessionRequest, ScenarioFiles } from "#playground/protocol.d.ts";
 import type { EpisodeResult, Features, ScenarioInfo } from "#view/data.d.ts";
 
-export type Version = 6;
+export type Version = 7;
 export type LaneStats = Record<
   "steps" | "episodes" | "wins" | "returns" | "frames"
   | "rejected" | "accepted" | "waited_ns",
   number
 >;
+export type Base = { [file: string]: string };
 export type RequestMessage = { id: number, request: PageRequest, };
 export type ResponseMessage = { 
 /**
@@ -33,7 +34,11 @@ export type PageResponse = { "type": "hello", } | { "type": "select_lane", } | {
 export type PageEvent = { "type": "lane" } & LaneInfo | { "type": "lost", error: string, } | { "type": "grid", cells: Array<GridCell>, } | { "type": "status" } & PoolState | { "type": "episodes", episodes: Array<EpisodeInfo>, };
 export type SaveFiles = { files: ScenarioFiles, 
 /**
- * Whether files are written that were changed by another program since they were read.
+ * What the page last opened or saved.
+ */
+base: Base, 
+/**
+ * Whether files are written that were changed since then.
  */
 replace: boolean, };
 export type Steps = { number: number, 
@@ -74,8 +79,8 @@ target: string | null,
 /**
  * Whether it exists.
  */
-exists: boolean, };
-export type SavedFiles = { "saved": Array<string> } | { "conflicts": Array<string> };
+exists: boolean, base: Base, };
+export type SavedFiles = { "saved": { files: Array<string>, base: Base, } } | { "conflicts": Array<string> };
 export type LaneInfo = { scenario: ScenarioInfo, lane: string, pid: number, num_envs: number, rules: string, 
 /**
  * Why there is no grid, if there is none.

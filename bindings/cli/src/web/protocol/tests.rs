@@ -7,13 +7,14 @@ use ts_rs::Config;
 
 const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/src/web/pages/protocol.d.ts");
 
-/// Types of other crates. The test below compares their keys.
+/// Types of other crates, whose keys the test below compares, and a type that is only a name.
 const FOREIGN: &str = "\
 export type LaneStats = Record<
   \"steps\" | \"episodes\" | \"wins\" | \"returns\" | \"frames\"
   | \"rejected\" | \"accepted\" | \"waited_ns\",
   number
 >;
+export type Base = { [file: string]: string };
 ";
 
 fn description() -> String {

@@ -19,8 +19,28 @@ fn folder() -> (TempDir, Start) {
     (folder, start)
 }
 
-fn opened(start: &Start) -> ScenarioFiles {
-    start.open().unwrap().files
+/// What a page that has just opened the files sends to save them.
+fn opened(start: &Start) -> SaveFiles {
+    let OpenedFiles { files, base, .. } = start.open().unwrap();
+    SaveFiles { files, base, replace: false }
+}
+
+/// The files that are written, and what the page knows of them then.
+fn saved(start: &Start, save: SaveFiles) -> (Vec<String>, Base) {
+    match start.save(save).unwrap() {
+        SavedFiles::Saved { files, base } => (files, base),
+        SavedFiles::Conflicts(files) => panic!("{files:?} were changed"),
+    }
+}
+
+/// The names of files that were changed since.
+fn conflicts(start: &Start, save: SaveFiles) -> Vec<String> {
+    match start.save(save).unwrap() {
+        SavedFiles::Conflicts(files) => {
+            files.iter().map(|file| file.rsplit('/').next().unwrap().to_owned()).collect()
+        }
+        SavedFiles::Saved { files, .. } => panic!("{files:?} were written"),
+    }
 }
 
 fn unit(name: &str) -> UnitFile {
@@ -38,60 +58,79 @@ fn names(folder: &TempDir) -> Vec<String> {
 #[test]
 fn only_what_changed_is_written() {
     let (folder, start) = folder();
-    let mut files = opened(&start);
+    let mut save = opened(&start);
+    let files = &mut save.files;
     assert_eq!((files.unit_files.len(), files.unit_files[0].text.as_str()), (1, SCOUT));
     assert_eq!(files.unit_files[0].keys, ["scout"]);
     files.text += "\n";
     files.unit_files.push(unit("medic"));
     let text = files.text.clone();
-    let saved = start.save(SaveFiles { files, replace: false }).unwrap();
-    assert!(matches!(&saved, SavedFiles::Saved(files) if files.len() == 2), "{saved:?}");
+    assert_eq!(saved(&start, save).0.len(), 2);
     assert_eq!(names(&folder), ["medic.json", "s.json", "scout.json"]);
     assert_eq!(fs::read_to_string(folder.path().join("s.json")).unwrap(), text);
-    assert_eq!(
-        start.save(SaveFiles { files: opened(&start), replace: false }).unwrap(),
-        SavedFiles::Saved(Vec::new())
-    );
+    assert_eq!(saved(&start, opened(&start)).0, [""; 0]);
 }
 
 #[test]
 fn an_invalid_file_is_opened_and_saved() {
     let (folder, start) = folder();
     fs::write(folder.path().join("s.json"), "{ \"groups\": [").unwrap();
-    let mut files = opened(&start);
-    assert_eq!((files.text.as_str(), files.unit_files.len()), ("{ \"groups\": [", 0));
-    files.text += "]";
-    start.save(SaveFiles { files, replace: false }).unwrap();
+    let mut save = opened(&start);
+    assert_eq!((save.files.text.as_str(), save.files.unit_files.len()), ("{ \"groups\": [", 0));
+    save.files.text += "]";
+    saved(&start, save);
     fs::write(folder.path().join("scout.json"), "{").unwrap();
     fs::write(folder.path().join("s.json"), r#"{"groups": [3, {"units": {"scout": 1}}]}"#).unwrap();
-    assert_eq!(opened(&start).unit_files[0].text, "{");
+    assert_eq!(opened(&start).files.unit_files[0].text, "{");
 }
 
 #[test]
 fn a_file_that_another_program_changed_is_not_replaced_unasked() {
     let (folder, start) = folder();
     let edited = || {
-        let mut files = opened(&start);
-        files.text += "\n";
-        files
+        let mut save = opened(&start);
+        save.files.text += "\n";
+        save
     };
-    let files = edited();
+    let save = edited();
     fs::write(folder.path().join("s.json"), "{}").unwrap();
-    let saved = start.save(SaveFiles { files, replace: false }).unwrap();
-    assert!(matches!(&saved, SavedFiles::Conflicts(files) if files.len() == 1), "{saved:?}");
+    assert_eq!(conflicts(&start, save), ["s.json"]);
     assert_eq!(fs::read_to_string(folder.path().join("s.json")).unwrap(), "{}");
-    let mut files = opened(&start);
-    files.text = "{ }".into();
+    let mut save = opened(&start);
+    save.files.text = "{ }".into();
     fs::write(folder.path().join("s.json"), "{  }").unwrap();
-    start.save(SaveFiles { files, replace: true }).unwrap();
+    saved(&start, SaveFiles { replace: true, ..save });
     assert_eq!(fs::read_to_string(folder.path().join("s.json")).unwrap(), "{ }");
 
     // A file that exists but is not of this scenario.
     fs::write(folder.path().join("medic.json"), "mine").unwrap();
-    let mut files = edited();
-    files.unit_files.push(unit("medic"));
-    let saved = start.save(SaveFiles { files, replace: false }).unwrap();
-    assert!(matches!(&saved, SavedFiles::Conflicts(files) if files[0].ends_with("medic.json")), "{saved:?}");
+    let mut save = edited();
+    save.files.unit_files.push(unit("medic"));
+    assert_eq!(conflicts(&start, save), ["medic.json"]);
+}
+
+/// What one page saved was known to the whole program, so that another page replaced it unasked; so did a
+/// page that was open when the files were opened again, and one of an earlier run of the program.
+#[test]
+fn a_page_does_not_replace_what_was_saved_since_it_opened_the_files() {
+    let (folder, start) = folder();
+    let path = folder.path().join("s.json");
+    let edited = |save: &SaveFiles, by: &str| {
+        let files = ScenarioFiles { text: save.files.text.clone() + by, ..save.files.clone() };
+        SaveFiles { files, base: save.base.clone(), replace: false }
+    };
+    let (one, other) = (opened(&start), opened(&start));
+    let (_, base) = saved(&start, edited(&other, "\n"));
+    assert_eq!(conflicts(&start, edited(&one, " ")), ["s.json"]);
+    let again = SaveFiles { base, ..edited(&other, "\n\n") };
+    let (_, base) = saved(&start, again); // the page knows what it has saved itself
+
+    fs::write(&path, "{}").unwrap();
+    opened(&start);
+    assert_eq!(conflicts(&start, SaveFiles { base: base.clone(), ..edited(&other, " ") }), ["s.json"]);
+    let restarted = Start::of(path.to_str().unwrap()).unwrap();
+    assert_eq!(conflicts(&restarted, SaveFiles { base, ..edited(&other, " ") }), ["s.json"]);
+    assert_eq!(fs::read_to_string(path).unwrap(), "{}");
 }
 
 /// A unit type of the scenario's own name was written to the scenario file, and then replaced by the
@@ -102,11 +141,11 @@ fn two_files_are_not_written_to_one() {
     let before = fs::read_to_string(folder.path().join("s.json")).unwrap();
     std::os::unix::fs::symlink("scout.json", folder.path().join("link.json")).unwrap();
     for (name, written) in [("s", "s.json"), ("scout", "scout.json"), ("link", "link.json")] {
-        let mut files = opened(&start);
+        let SaveFiles { mut files, base, .. } = opened(&start);
         files.text += "\n";
         files.unit_files.push(UnitFile { keys: Vec::new(), text: "{}".into(), ..unit(name) });
         for replace in [false, true] {
-            let save = SaveFiles { files: files.clone(), replace };
+            let save = SaveFiles { files: files.clone(), base: base.clone(), replace };
             let error = start.save(save).unwrap_err().to_string();
             assert!(error.starts_with(&format!("the unit type `{name}` would be written to")), "{error}");
             assert!(error.contains(written) && error.ends_with("rename it"), "{error}");
@@ -121,9 +160,9 @@ fn nothing_is_written_outside_the_folder() {
     let (folder, start) = folder();
     let outside = tempfile::tempdir().unwrap();
     let check = |change: &dyn Fn(&mut ScenarioFiles), expected: &str| {
-        let mut files = opened(&start);
-        change(&mut files);
-        let error = start.save(SaveFiles { files, replace: true }).unwrap_err().to_string();
+        let mut save = opened(&start);
+        change(&mut save.files);
+        let error = start.save(SaveFiles { replace: true, ..save }).unwrap_err().to_string();
         assert!(error.contains(expected), "{error}");
         assert_eq!(fs::read_dir(outside.path()).unwrap().count(), 0);
     };
@@ -149,9 +188,9 @@ fn nothing_is_written_outside_the_folder() {
     assert_eq!(fs::read_to_string(elsewhere.path()).unwrap(), "");
     fs::remove_file(folder.path().join("medic.json")).unwrap();
 
-    let mut files = opened(&start);
-    custom("units/mine".into())(&mut files);
-    start.save(SaveFiles { files, replace: false }).unwrap();
+    let mut save = opened(&start);
+    custom("units/mine".into())(&mut save.files);
+    saved(&start, save);
     assert_eq!(fs::read_to_string(folder.path().join("units/mine/medic.json")).unwrap(), SCOUT);
 }
 
@@ -163,7 +202,7 @@ fn what_is_edited_is_a_file_or_a_standard_scenario() {
     assert!(error("/proc").contains("it is a folder, not a file"), "{}", error("/proc"));
     let standard = Start::of("2s3z").unwrap();
     assert_eq!(standard.open().unwrap().files.source, "2s3z.json");
-    let error = standard.save(SaveFiles { files: opened(&standard), replace: true }).unwrap_err();
+    let error = standard.save(opened(&standard)).unwrap_err();
     assert!(error.to_string().contains("download"), "{error}");
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("new.json");
@@ -173,6 +212,6 @@ fn what_is_edited_is_a_file_or_a_standard_scenario() {
     let text = &opened.files.text;
     assert_eq!(Scenario::from_json(text, "new.json", "".as_ref()).unwrap().name, "new");
     let files = ScenarioFiles { source: "new.json".into(), text: "{}".into(), unit_files: Vec::new() };
-    start.save(SaveFiles { files, replace: false }).unwrap();
+    saved(&start, SaveFiles { files, base: Base::new(), replace: false });
     assert_eq!(fs::read_to_string(path).unwrap(), "{}");
 }
