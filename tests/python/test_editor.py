@@ -585,6 +585,29 @@ def test_what_was_saved_elsewhere_since_a_page_opened_it_is_not_replaced_unasked
         assert json.loads(file.read_text())["name"] == "program"
 
 
+def test_new_and_open_ask_before_they_lose_what_is_not_saved(browser: Any, file: Path) -> None:
+    """They lost it without a question, and Undo did not bring it back."""
+    with Editor(browser, str(file)) as editor:
+
+        def begin_anew() -> None:
+            editor.page.click("#new")
+            editor.page.click("#choices button >> nth=0")
+            editor.settle()
+
+        begin_anew()  # nothing is lost
+        assert editor.page.inner_text("h1") == "new_scenario" and editor.questions == []
+        editor.rename("precious")
+        editor.agrees = False
+        begin_anew()
+        editor.page.set_input_files("#files", file)
+        editor.wait(lambda: len(editor.questions) == 2)
+        assert editor.questions == ["Lose the changes that are not saved?"] * 2
+        assert editor.json()["name"] == "precious"
+        editor.agrees = True
+        editor.page.set_input_files("#files", file)
+        editor.wait(lambda: str(editor.page.inner_text("h1")) == "2s3z")
+
+
 @pytest.mark.skipif(not PAGE.exists(), reason="no page; see `just playground`")
 def test_what_no_battle_can_have_is_named_as_by_check(browser: Any, file: Path) -> None:
     """A number that is too large was infinite, and then nothing could be checked; typed, it became null.

@@ -97,6 +97,7 @@ export class EditorPage {
    * @param {ScenarioFiles} files
    */
   load(files) {
+    if (!this.doc.isSaved && !confirm("Lose the changes that are not saved?")) return;
     this.store.isTargets = false;
     this.group = -1;
     this.map.camera = null;
