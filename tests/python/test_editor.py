@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 SIDE = 32
 PAGE = REPOSITORY / "target/playground/editor.html"
+PHONE: dict[str, Any] = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
 
 
 def run(*args: str) -> subprocess.CompletedProcess[str]:
@@ -606,6 +607,37 @@ def test_new_and_open_ask_before_they_lose_what_is_not_saved(browser: Any, file:
         editor.agrees = True
         editor.page.set_input_files("#files", file)
         editor.wait(lambda: str(editor.page.inner_text("h1")) == "2s3z")
+
+
+@pytest.mark.parametrize("tool", ["brush", "ally", "select"])
+def test_two_fingers_move_and_zoom_the_map_and_change_nothing(browser: Any, file: Path, tool: str) -> None:
+    """They drew a wall from the one finger to the other, or began a group."""
+    with Editor(browser, str(file), **PHONE) as editor:
+        before = editor.text()
+        touch = editor.page.context.new_cdp_session(editor.page)
+
+        def send(kind: str, *points: tuple[float, float]) -> None:
+            places = [{"x": x, "y": y, "id": i} for i, (x, y) in enumerate(points)]
+            touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": places})
+
+        editor.page.tap(f"[data-tool={tool}]")
+        picture = editor.page.evaluate("document.getElementById('map').toDataURL()")
+        one, other = editor.at(23, 16.6), editor.at(12, 20)
+        send("touchStart", one)
+        send("touchMove", (one[0], one[1] - 20))  # before the second finger is down
+        send("touchStart", (one[0], one[1] - 20), other)
+        for by in (10, 30, 50):
+            send("touchMove", (one[0] + by, one[1] - 20), (other[0] - by, other[1]))
+        send("touchEnd")
+        editor.settle()
+        assert editor.text() == before
+        assert editor.page.get_attribute(f"[data-tool={tool}]", "aria-pressed") == "true"
+        editor.wait(lambda: editor.page.evaluate("document.getElementById('map').toDataURL()") != picture)
+        # One finger does again what it did.
+        editor.page.tap("#fit")
+        editor.page.tap("[data-tool=brush]")
+        editor.page.touchscreen.tap(*editor.at(10.5, 10.5))
+        editor.wait(lambda: editor.text() != before)
 
 
 @pytest.mark.skipif(not PAGE.exists(), reason="no page; see `just playground`")

@@ -91,27 +91,12 @@ export class Controls {
     const at = this.local(event),
       before = this.pressed.get(event.pointerId);
     if (!before) return this.handlers.hover(at);
-    if (this.moves) this.moveMap(event.pointerId, before, at);
+    if (this.moves) moveMap(this.pressed, event.pointerId, at, this.handlers);
     this.pressed.set(event.pointerId, at);
     const { drag } = this;
     if (!drag) return;
     drag.isBox ||= distance(drag.from, at) >= LEAST_DRAG[drag.isTouch ? "touch" : "mouse"];
     if (drag.isBox) this.handlers.draw(boxOf(drag.from, at));
-  }
-
-  /**
-   * Moves the map with one pointer; with two it is zoomed too.
-   * @param {number} pointer
-   * @param {At} before
-   * @param {At} at
-   */
-  moveMap(pointer, before, at) {
-    const other = [...this.pressed].find(([id]) => id !== pointer)?.[1];
-    const share = other ? 0.5 : 1;
-    this.handlers.move((at[0] - before[0]) * share, (at[1] - before[1]) * share);
-    if (!other) return;
-    const middle = /** @type {At} */ ([(at[0] + other[0]) / 2, (at[1] + other[1]) / 2]);
-    this.handlers.zoom(distance(at, other) / Math.max(1, distance(before, other)), middle);
   }
 
   /** @param {PointerEvent} event */
@@ -146,6 +131,23 @@ export class Controls {
     if (this.drag?.isBox) this.handlers.box(null, false);
     this.drag = null;
   }
+}
+
+/**
+ * Moves the map with a pointer that goes on to `at`; with two it is zoomed too.
+ * @param {Map<number, At>} pressed where each pressed pointer is, this one before it moved
+ * @param {number} pointer
+ * @param {At} at
+ * @param {Pick<Handlers, "move" | "zoom">} map
+ */
+export function moveMap(pressed, pointer, at, { move, zoom }) {
+  const before = pressed.get(pointer) ?? at,
+    other = [...pressed].find(([id]) => id !== pointer)?.[1],
+    share = other ? 0.5 : 1;
+  move((at[0] - before[0]) * share, (at[1] - before[1]) * share);
+  if (!other) return;
+  const middle = /** @type {At} */ ([(at[0] + other[0]) / 2, (at[1] + other[1]) / 2]);
+  zoom(distance(at, other) / Math.max(1, distance(before, other)), middle);
 }
 
 /**

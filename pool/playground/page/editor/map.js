@@ -3,6 +3,7 @@
 
 import { BattleView } from "#view/battle.js";
 import { Brush, LARGEST_BRUSH, squareFrom } from "#view/brush.js";
+import { moveMap } from "#view/controls.js";
 import { clamp } from "#view/numbers.js";
 import { rectanglesOf } from "#view/squares.js";
 import { isNumber } from "./document.js";
@@ -47,6 +48,12 @@ export class MapEditor extends BattleView {
     this.draft = null;
     /** @type {PanDrag | DrawDrag | GroupDrag | GoalDrag | null} */
     this.drag = null;
+    /** @type {Map<number, Point>} Where each pressed pointer is. */
+    this.pressed = new Map();
+    /** Whether fingers move the map, until all are released. */
+    this.moves = false;
+    /** What a second finger goes back to. */
+    this.before = { state: page.doc.state, tool: this.brush.tool };
     /** Tells one drag from the next. */
     this.serial = 0;
     /** @type {number[]} The group of each unit. */
@@ -183,6 +190,10 @@ export class MapEditor extends BattleView {
   press(event) {
     this.canvas.focus({ preventScroll: true });
     this.canvas.setPointerCapture(event.pointerId);
+    this.pressed.set(event.pointerId, this.local(event));
+    this.moves ||= this.pressed.size > 1;
+    if (this.moves) return this.giveUp();
+    this.before = { state: this.page.doc.state, tool: this.brush.tool };
     const at = this.point(event);
     this.serial++;
     const isPan = event.button === 1 || event.shiftKey || this.page.doc.isStale;
@@ -195,6 +206,13 @@ export class MapEditor extends BattleView {
       this.page.addGroup(this.brush.tool.toUpperCase(), ...this.snap(x, y, event));
     else this.pick(event, at);
     this.moved(event);
+  }
+
+  /** A second finger moves the map: what the first one did is undone. */
+  giveUp() {
+    this.drag = this.draft = null;
+    if (this.before.state !== this.page.doc.state) this.page.doc.undo();
+    this.choose(this.before.tool);
   }
 
   /**
@@ -257,9 +275,22 @@ export class MapEditor extends BattleView {
   moved(event) {
     const at = this.point(event);
     this.square = at.square;
-    if (this.drag) this.dragged(this.drag, at, event);
+    if (this.moves) this.moveFinger(event);
+    else if (this.drag) this.dragged(this.drag, at, event);
     else this.hover(this.local(event));
     this.page.showPointer();
+  }
+
+  /** @param {PointerEvent} event */
+  moveFinger(event) {
+    if (!this.pressed.has(event.pointerId)) return;
+    const here = this.local(event);
+    moveMap(this.pressed, event.pointerId, here, {
+      move: (dx, dy) => this.move(dx, dy),
+      zoom: (factor, at) => this.zoom(factor, ...at),
+    });
+    this.pressed.set(event.pointerId, here);
+    this.page.redraw();
   }
 
   /** @param {Point} here */
@@ -309,6 +340,8 @@ export class MapEditor extends BattleView {
   release(event) {
     const { drag } = this;
     this.drag = null;
+    this.pressed.delete(event.pointerId);
+    this.moves &&= this.pressed.size > 0;
     if (drag?.kind === "draw") {
       if (event.type === "pointerup") {
         const { corner, square, draft } = this;
