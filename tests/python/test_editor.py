@@ -640,6 +640,34 @@ def test_two_fingers_move_and_zoom_the_map_and_change_nothing(browser: Any, file
         editor.wait(lambda: editor.text() != before)
 
 
+def test_a_text_that_is_no_seed_is_marked_and_not_played(browser: Any) -> None:
+    """The playground refused it, and showed its first battle, which was another scenario's."""
+    with Editor(browser, "terran_5_vs_5") as editor:
+        page = editor.page
+        expected = "The seed must be a whole number from 0 to 18446744073709551615."
+        for seed in ("abc", "-5", "1.5", "18446744073709551616"):
+            for command in ("#play", "#draw"):
+                page.fill("#seed", seed)
+                page.click(command)
+                editor.wait(lambda: str(page.inner_text("#message")) == expected)
+                assert page.get_attribute("#seed", "aria-invalid") == "true"
+                assert page.input_value("#seed") == seed and not page.is_visible("#arena")
+                page.fill("#seed", "7")
+                page.click("#theme")
+                editor.wait(lambda: page.get_attribute("#seed", "aria-invalid") == "false")
+                page.evaluate("document.getElementById('message').textContent = ''")
+        # Numbers of a double's precision gave the same seed again.
+        page.fill("#seed", "9007199254740993")
+        page.click("#draw")
+        assert page.input_value("#seed") == "9007199254740994"
+        page.fill("#seed", "18446744073709551615")
+        page.click("#draw")
+        assert page.input_value("#seed") == "0"
+        page.fill("#seed", "")
+        page.click("#draw")
+        assert page.input_value("#seed") == "1"
+
+
 @pytest.mark.skipif(not PAGE.exists(), reason="no page; see `just playground`")
 def test_what_no_battle_can_have_is_named_as_by_check(browser: Any, file: Path) -> None:
     """A number that is too large was infinite, and then nothing could be checked; typed, it became null.

@@ -7,6 +7,19 @@ import { tell } from "./message.js";
 
 /** @import { EditorPage } from "./editor.js" */
 
+/**
+ * The seed of the field, where nothing means 0. A text that is none is marked, and gives null; if a seed is
+ * needed, the page says so.
+ */
+export function seedOfField(isNeeded = false) {
+  const text = byId("seed").value.trim(),
+    number = /^\d*$/.test(text) ? BigInt(text) : -1n,
+    isSeed = number === BigInt.asUintN(64, number);
+  byId("seed").setAttribute("aria-invalid", String(!isSeed));
+  if (!isSeed && isNeeded) tell(`The seed must be a whole number from 0 to ${2n ** 64n - 1n}.`, true);
+  return isSeed ? number : null;
+}
+
 export class Arena {
   /** @param {EditorPage} page */
   constructor(page) {
@@ -20,9 +33,10 @@ export class Arena {
 
   async play() {
     if (this.page.checker.problems.length || byId("play").disabled) return;
-    byId("play").disabled = true;
-    const seed = byId("seed").value.trim() || "0",
+    const seed = seedOfField(true),
       rules = byId("rules").value;
+    if (seed === null) return;
+    byId("play").disabled = true;
     try {
       const { source, text, unit_files: units } = this.page.doc.files();
       const files = [
@@ -30,7 +44,7 @@ export class Arena {
         ...units.map(({ name, text }) => ({ name: `${name}.json`, text })),
       ];
       const { scenario } = await this.page.engine.request({ type: "open_scenario", files });
-      const battle = { scenario, seed, opponent: "", rules, team: "", actions: [], taken: [] };
+      const battle = { scenario, seed: String(seed), opponent: "", rules, team: "", actions: [], taken: [] };
       this.enter(`${this.page.playground}${location.search}#${await linkOf(battle)}&play=1`);
     } catch (error) {
       tell(`Not played: ${messageOf(error)}`, true);

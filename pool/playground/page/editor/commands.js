@@ -3,6 +3,7 @@
 
 import { all, byId } from "#view/dom.js";
 import { theme } from "#view/theme.js";
+import { seedOfField } from "./arena.js";
 import { tell } from "./message.js";
 import { TABS } from "./problems.js";
 import { TOOL_KEYS } from "./tools.js";
@@ -50,8 +51,9 @@ export class Commands {
       this.page.arena.play();
     });
     byId("draw").addEventListener("click", () => {
-      const seed = byId("seed");
-      seed.value = String((Number(seed.value) || 0) + 1);
+      const seed = seedOfField(true);
+      if (seed === null) return;
+      byId("seed").value = String(BigInt.asUintN(64, seed + 1n));
       this.page.checker.check();
     });
     byId("seed").addEventListener("change", () => this.page.checker.check());

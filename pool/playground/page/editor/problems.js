@@ -4,6 +4,7 @@
 import { all, byId, make, messageOf } from "#view/dom.js";
 import { counted } from "#view/numbers.js";
 import { EngineLost } from "../engine.js";
+import { seedOfField } from "./arena.js";
 import { isNumber, stemOf } from "./document.js";
 import { button, fieldKey } from "./fields.js";
 import { tell } from "./message.js";
@@ -101,7 +102,7 @@ export class Checker {
     const readable = groups.map((group) => (isReadable(group) ? group : unknown));
     try {
       const files = this.page.doc.files();
-      const seed = byId("seed").value.trim();
+      const seed = String(seedOfField() ?? 0n);
       const request = { type: /** @type {const} */ ("check_files"), files, groups: readable, seed };
       const checked = await this.page.engine.request(request);
       if (state !== this.page.doc.state) return;
