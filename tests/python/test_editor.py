@@ -669,6 +669,16 @@ def test_a_text_that_is_no_seed_is_marked_and_not_played(browser: Any) -> None:
 
 
 @pytest.mark.skipif(not PAGE.exists(), reason="no page; see `just playground`")
+def test_the_skip_link_of_the_editor_keeps_the_address_of_its_scenario(browser: Any) -> None:
+    """A reload then opened a new scenario."""
+    with EditorPage(browser, f"{PAGE.as_uri()}#scenario=3m") as editor:
+        editor.page.focus(".skip")
+        editor.press("Enter")
+        assert editor.page.evaluate("document.activeElement.id") == "map"
+        assert editor.page.url.endswith("#scenario=3m")
+
+
+@pytest.mark.skipif(not PAGE.exists(), reason="no page; see `just playground`")
 def test_what_no_battle_can_have_is_named_as_by_check(browser: Any, file: Path) -> None:
     """A number that is too large was infinite, and then nothing could be checked; typed, it became null.
     Bytes that are no UTF-8 text were replaced."""

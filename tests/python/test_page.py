@@ -156,6 +156,15 @@ def test_a_phone_shows_the_whole_step_of_a_replay(browser: Any, pages: Path) -> 
         check_step_on_phones(page, f"step {steps} / {steps} \u00b7 tick {page.last} \u00b7 ")
 
 
+def test_the_skip_link_goes_to_the_controls_and_keeps_the_address(browser: Any, pages: Path) -> None:
+    """It became `#play`, which says of a replay what the page cannot show."""
+    with Page(browser, pages / "2s3z.html", "episode=1") as page:
+        page.page.focus(".skip")
+        page.press("Enter")
+        assert page.page.evaluate("document.activeElement.id") == "play"
+        assert page.page.url.endswith("#episode=1")
+
+
 def test_a_window_that_was_low_shows_the_battle_again(browser: Any, pages: Path) -> None:
     """Every picture failed where the map has no room, and the page stood still until it was loaded again."""
     with Page(browser, pages / "2s3z.html", "unit=0") as page:

@@ -488,6 +488,19 @@ def test_a_window_that_was_low_plays_on(browser: Any) -> None:
         page.wait(lambda: page.step >= 2)
 
 
+def test_the_skip_link_goes_to_the_controls_and_keeps_the_battle(browser: Any) -> None:
+    """Its address, #play, was read as a link to a battle: the first one, from its start."""
+    with Playground(browser, "scenario=3m&seed=7") as page:
+        page.wait_for_step(3)
+        page.scrub(16)
+        page.page.focus(".skip")
+        page.press("Enter")
+        assert page.page.evaluate("document.activeElement.id") == "play"
+        page.settle()
+        assert (page.text("#name"), page.step) == ("3m", 2)
+        assert page.page.url.endswith("#scenario=3m&seed=7")
+
+
 def test_rules_of_a_link_stay_by_the_name_that_the_choices_have(browser: Any) -> None:
     """The choice was blank, and with another seed the rules were those of the map."""
     with Playground(browser, "scenario=3m&rules=starcraft") as page:

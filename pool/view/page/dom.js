@@ -16,6 +16,18 @@ export const byId = (id) => document.getElementById(id);
  */
 export const all = (selector, root = document) => [...root.querySelectorAll(selector)].map(asElement);
 
+/**
+ * Lets the link at the start of the page move the focus and nothing else: what the address has behind `#` says
+ * what the page shows.
+ */
+export function listenToSkip() {
+  const [skip] = all(".skip");
+  skip?.addEventListener("click", (event) => {
+    event.preventDefault();
+    byId(skip.getAttribute("href")?.slice(1) ?? "").focus();
+  });
+}
+
 /** Whether the person points with a finger. */
 export const isTouch = () => matchMedia("(pointer: coarse)").matches;
 

@@ -3,7 +3,7 @@
 
 import { BattleView } from "./battle.js";
 import { HealthChart } from "./chart.js";
-import { all, byId, make } from "./dom.js";
+import { all, byId, listenToSkip, make } from "./dom.js";
 import { Inspector } from "./inspector.js";
 import { theme } from "./theme.js";
 import { Clock, TICKS_PER_SECOND, TICKS_PER_STEP, Timeline } from "./transport.js";
@@ -187,6 +187,7 @@ export class BattlePlayer {
     byId("fit").addEventListener("click", () => this.fit());
     byId("theme").addEventListener("click", () => theme.toggle());
     byId("help").addEventListener("click", () => byId("keys").showModal());
+    listenToSkip();
     theme.listeners.push(() => this.redraw());
     /** @type {{ [name: string]: () => void }} */
     const moves = {

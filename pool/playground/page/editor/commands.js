@@ -1,7 +1,7 @@
 // @ts-check
 // Commands: what the buttons and the keys of the editor do.
 
-import { all, byId } from "#view/dom.js";
+import { all, byId, listenToSkip } from "#view/dom.js";
 import { theme } from "#view/theme.js";
 import { seedOfField } from "./arena.js";
 import { tell } from "./message.js";
@@ -66,6 +66,7 @@ export class Commands {
     addEventListener("beforeunload", (event) => {
       if (!this.page.doc.isSaved) event.preventDefault();
     });
+    listenToSkip();
     this.listenToDrops();
   }
 
