@@ -6,6 +6,7 @@ import base64
 import gzip
 import json
 import re
+import subprocess
 import zlib
 from collections import Counter
 from pathlib import Path
@@ -13,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from test_page import REPOSITORY, TICKS_PER_STEP, Page, browser, pytestmark
+from test_page import PROGRAM, REPOSITORY, TICKS_PER_STEP, Page, browser, pytestmark
 
 __all__ = ["browser"]  # a fixture that pytest finds here
 
@@ -499,6 +500,18 @@ def test_the_skip_link_goes_to_the_controls_and_keeps_the_battle(browser: Any) -
         page.settle()
         assert (page.text("#name"), page.step) == ("3m", 2)
         assert page.page.url.endswith("#scenario=3m&seed=7")
+
+
+def test_a_link_after_a_replay_leaves_no_list_of_its_episodes(browser: Any, tmp_path: Path) -> None:
+    replay = tmp_path / "episodes.smreplay"
+    record = ["record", "3m", "--policy", "nearest", "--episodes", "2", "--out", str(replay)]
+    subprocess.run([*PROGRAM, *record], check=True, timeout=100, capture_output=True)
+    with Playground(browser) as page:
+        page.page.set_input_files("#files", replay)
+        page.wait(lambda: page.page.locator("#episodes li").count() == 2)
+        page.page.evaluate("location.hash = 'scenario=2s3z&seed=5'")
+        page.wait_for_text("#name", "2s3z")
+        page.wait(lambda: not page.shown("#episodes"))
 
 
 def test_rules_of_a_link_stay_by_the_name_that_the_choices_have(browser: Any) -> None:

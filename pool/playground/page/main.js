@@ -104,6 +104,7 @@ export async function startPlayground(engine, { teams, first, other, has_fog: ha
         const link = location.hash.slice(1);
         const battle = await battleOfLink(choices, defaults, link);
         await byTeamThatCan(battle, (team) => page.begin(battle.source, team, battle.actions, battle.taken));
+        page.episodes.clear();
         if (battle.note) page.note(battle.note);
       } catch (error) {
         throw error instanceof EngineLost ? error : refusal(error);
