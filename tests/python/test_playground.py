@@ -514,6 +514,23 @@ def test_a_link_after_a_replay_leaves_no_list_of_its_episodes(browser: Any, tmp_
         page.wait(lambda: not page.shown("#episodes"))
 
 
+@pytest.mark.parametrize("width", [390, 800])
+def test_what_has_the_focus_is_not_behind_the_bar_at_the_bottom(browser: Any, width: int) -> None:
+    """It was in narrow windows, where the bar stays while the page scrolls."""
+    with Playground(browser, viewport={"width": width, "height": 600}) as page:
+        page.wait_for_step(1)
+        hidden = """() => {
+            const at = document.activeElement, bar = document.querySelector("body > footer");
+            if (at === document.body || bar.contains(at)) return null;
+            const { top, bottom } = at.getBoundingClientRect();
+            return bottom - top < 300 && bottom > bar.getBoundingClientRect().top + 1 ? at.outerHTML : null;
+        }"""
+        count = page.page.locator("button, input, select, canvas").count()
+        for _ in range(count):
+            page.press("Tab")
+            assert page.page.evaluate(hidden) is None
+
+
 def test_rules_of_a_link_stay_by_the_name_that_the_choices_have(browser: Any) -> None:
     """The choice was blank, and with another seed the rules were those of the map."""
     with Playground(browser, "scenario=3m&rules=starcraft") as page:
