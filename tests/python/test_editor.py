@@ -668,6 +668,17 @@ def test_a_text_that_is_no_seed_is_marked_and_not_played(browser: Any) -> None:
         assert page.input_value("#seed") == "1"
 
 
+def test_a_number_of_units_that_was_emptied_shows_what_the_file_has(browser: Any, file: Path) -> None:
+    """It stayed empty, while the file kept the number."""
+    with Editor(browser, str(file)) as editor:
+        editor.page.click("#groups button.group >> nth=0")
+        count = editor.field("groups", 0, "units", "STALKER")
+        count.fill("")
+        count.press("Tab")
+        assert count.input_value() == "2"
+        assert editor.json()["groups"][0]["units"]["STALKER"] == 2
+
+
 @pytest.mark.skipif(not PAGE.exists(), reason="no page; see `just playground`")
 def test_the_skip_link_of_the_editor_keeps_the_address_of_its_scenario(browser: Any) -> None:
     """A reload then opened a new scenario."""

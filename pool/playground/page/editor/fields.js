@@ -202,6 +202,8 @@ class NumberField extends Field {
       control.value = String(next);
       this.write(next, control.dataset.key);
     });
+    // What the file has in place of a number that it cannot be without.
+    control.addEventListener("change", () => this.show(this.read()));
   }
 
   /** A number, undefined if empty, or else the text, which the program then refuses. */
