@@ -679,6 +679,28 @@ def test_a_number_of_units_that_was_emptied_shows_what_the_file_has(browser: Any
         assert editor.json()["groups"][0]["units"]["STALKER"] == 2
 
 
+def test_names_of_unit_types_that_cannot_be_saved_are_refused_by_the_page(browser: Any, file: Path) -> None:
+    """`..` and `.x` were taken, and then not saved; and the focus was lost with the name."""
+    with Editor(browser, str(file)) as editor:
+        editor.tab("types")
+        editor.page.click("text=Copy as new")
+        name = editor.page.locator("#types [data-key=name]")
+        before = name.input_value()
+        for bad in ("..", ".x", "a b", "x" * 101, "STALKER"):
+            name.fill(bad)
+            name.press("Enter")
+            assert "The name is part of a file" in name.evaluate("(input) => input.validationMessage")
+            assert editor.page.inner_text("#types .title small") == f"{before}.json"
+        longest = "x" * 100
+        name.fill(longest)
+        name.press("Enter")
+        editor.wait(lambda: str(editor.page.inner_text("#types .title small")) == f"{longest}.json")
+        assert editor.page.evaluate("document.activeElement.dataset.key") == "name"
+        editor.press("ControlOrMeta+s")
+        editor.wait(lambda: longest in editor.page.inner_text("#message"))
+        assert file.with_name(f"{longest}.json").exists()
+
+
 @pytest.mark.skipif(not PAGE.exists(), reason="no page; see `just playground`")
 def test_the_skip_link_of_the_editor_keeps_the_address_of_its_scenario(browser: Any) -> None:
     """A reload then opened a new scenario."""

@@ -223,12 +223,18 @@ export class TypesPanel extends Panel {
   nameRow() {
     const { doc } = this.page,
       { index } = this;
-    const input = make("input", { type: "text", value: this.name, spellcheck: false, autocomplete: "off" });
+    const input = make("input", {
+      type: "text",
+      value: this.name,
+      spellcheck: false,
+      autocomplete: "off",
+      "data-key": "name", // the focus stays on it when it has another name
+    });
     input.addEventListener("change", () => {
       const name = input.value.trim();
       const isFree = doc.freeName(name) === name;
-      if (!/^[\w.-]{1,60}$/.test(name) || !isFree) {
-        const why = isFree ? "use letters, digits, _, - and ." : "another type has this name";
+      if (!/^[\w-][\w.-]{0,99}$/.test(name) || !isFree) {
+        const why = isFree ? "use letters, digits, _, - and, but not first, ." : "another type has this name";
         input.setCustomValidity(`The name is part of a file name: ${why}`);
         input.reportValidity();
         return;

@@ -30,7 +30,10 @@ pub(crate) enum TargetError {
     Name(String),
     #[error("the command names no file to save to; download the files instead")]
     NoFile,
-    #[error("unit type names must be 1 to 100 of the characters A-Z, a-z, 0-9, `_`, `-` and `.`, got `{0}`")]
+    #[error(
+        "unit type names must be 1 to 100 of the characters A-Z, a-z, 0-9, `_`, `-` and, but not first, `.`, \
+         got `{0}`"
+    )]
     UnitName(String),
     #[error(
         "{0} is outside the folder of the scenario file, which is the only one that the editor writes to; \
