@@ -371,6 +371,24 @@ def test_a_lane_of_the_address_that_no_pool_has_is_no_lane(browser: Any, program
         assert page.text("h1") == "train", "the battle was one of no lane"
 
 
+def test_a_reload_of_a_followed_battle_keeps_its_page_of_the_grid(
+    browser: Any, programs_of_test: Programs
+) -> None:
+    """All battles were then those of the first page."""
+    programs_of_test.serve("3m:70")
+    url = programs_of_test.watch()
+    with WatchPage(browser, url, "lane=3m&env=67") as page:
+        page.wait(lambda: page.text("h1") == "Battle 67")
+        page.press("g")
+        page.wait(lambda: page.text("#range") == "battles 64 to 69 of 70")
+        assert page.page.evaluate("document.activeElement.querySelector('b').textContent") == "67"
+    # 0.5 was sent to the program, which answered with the words of its parser.
+    for env in ("0.5", "70", "-1", "abc"):
+        with WatchPage(browser, url, f"lane=3m&env={env}") as page:
+            assert page.text("#range") == "battles 0 to 63 of 70"
+            assert page.text("h1") == "train" and not page.shown("#message")
+
+
 def test_a_page_too_many_says_so_until_another_is_closed(browser: Any, programs_of_test: Programs) -> None:
     """It only said that the connection is lost, and tried again without end."""
     programs_of_test.serve("3m:2")

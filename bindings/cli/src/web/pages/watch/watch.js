@@ -129,10 +129,11 @@ class WatchPage {
     const notice = event.no_grid ?? (event.has_state ? "" : NO_STATES);
     byId("grid-notice").textContent = notice;
     byId("grid-notice").hidden = !notice;
-    this.showCells(event, Math.min(this.grid.first, event.num_envs - 1));
-    const env = this.env >= 0 ? this.env : Number(this.hash.get("env") ?? -1);
+    const env = this.env >= 0 ? this.env : Number(this.hash.get("env") ?? -1),
+      isEnv = Number.isInteger(env) && env >= 0 && env < event.num_envs;
     this.hash.delete("env");
-    if (env >= 0 && env < event.num_envs) this.follow(env);
+    this.showCells(event, isEnv ? env : Math.min(this.grid.first, event.num_envs - 1));
+    if (isEnv) this.follow(env);
     else this.overview();
     document.documentElement.dataset.ready = "";
   }
