@@ -389,6 +389,28 @@ def test_a_reload_of_a_followed_battle_keeps_its_page_of_the_grid(
             assert page.text("h1") == "train" and not page.shown("#message")
 
 
+def test_the_header_of_a_followed_battle_has_one_row(browser: Any, programs_of_test: Programs) -> None:
+    """It had two where the facts did not fit beside the buttons, and jumped between one and two."""
+    programs_of_test.serve("3m:2")
+    with WatchPage(browser, programs_of_test.watch()) as page:
+        programs_of_test.learn("3m", 20.0)
+        page.follow(0)
+        page.page.evaluate("document.getElementById('notice').style.display = 'none'")  # a row of its own
+        fill = """(facts) => facts.replaceChildren(...[..."abcdef"].map((name) => {
+            const pair = document.createElement("div");
+            pair.innerHTML = `<dt>a long name ${name}</dt><dd>its value</dd>`;
+            return pair;
+        }))"""
+        measure = """(header) => [header.getBoundingClientRect().height,
+            document.documentElement.scrollWidth <= innerWidth,
+            document.getElementById("help").getBoundingClientRect().right <= innerWidth]"""
+        for width in (1280, 1101, 1000, 821):
+            page.page.set_viewport_size({"width": width, "height": 800})
+            page.page.eval_on_selector("#facts", fill)
+            height, *fits = page.page.eval_on_selector("header", measure)
+            assert height < 60 and all(fits), (width, height, fits)
+
+
 def test_a_page_too_many_says_so_until_another_is_closed(browser: Any, programs_of_test: Programs) -> None:
     """It only said that the connection is lost, and tried again without end."""
     programs_of_test.serve("3m:2")
