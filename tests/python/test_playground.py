@@ -514,6 +514,14 @@ def test_a_link_after_a_replay_leaves_no_list_of_its_episodes(browser: Any, tmp_
         page.wait(lambda: not page.shown("#episodes"))
 
 
+def test_only_a_link_that_says_so_plays_at_once(browser: Any) -> None:
+    """`play=0` did too."""
+    for link, plays in {"play=0": False, "play=1": True}.items():
+        with Playground(browser, f"scenario=3m&{link}") as page:
+            page.wait_for_step(1)
+            assert page.page.evaluate("document.body.classList.contains('playing')") == plays
+
+
 @pytest.mark.parametrize("width", [390, 800])
 def test_what_has_the_focus_is_not_behind_the_bar_at_the_bottom(browser: Any, width: int) -> None:
     """It was in narrow windows, where the bar stays while the page scrolls."""

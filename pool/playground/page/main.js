@@ -73,7 +73,7 @@ export async function startPlayground(engine, { teams, first, other, has_fog: ha
   page.builtInTeams = new Set(teams.map(({ name }) => name));
   byId("share").hidden = !canShare;
   byId("edit").addEventListener("click", () => page.enqueue(() => edit(page, other)));
-  if (new URLSearchParams(location.hash.slice(1)).has("play") && !isRefused) page.toggle();
+  if (new URLSearchParams(location.hash.slice(1)).get("play") === "1" && !isRefused) page.toggle();
   else page.note(note ?? GUIDES[isTouch() ? "touch" : "mouse"]);
   page.warn();
   listenToFiles({

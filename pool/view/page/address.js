@@ -3,6 +3,8 @@
 
 /** What can stand there; `theme` is read by theme.js. */
 const KEYS_OF_REPLAY = ["episode", "tick", "unit", "speed", "play", "fit", "theme"];
+/** Keys whose values are words, and those words. */
+const WORDS_OF_REPLAY = { play: ["1", "0"], fit: ["map"], theme: ["dark", "light"] };
 
 /**
  * What is shown first, and what the address says that cannot be shown.
@@ -27,6 +29,10 @@ export function readAddress(text, { episodes, units, speeds }) {
     problems.push(`\`${key}\` must be ${range}, got \`${given}\``);
     return otherwise;
   };
+  for (const [key, values] of Object.entries(WORDS_OF_REPLAY)) {
+    const given = said.get(key) ?? values[0];
+    if (!values.includes(given)) problems.push(`\`${key}\` must be ${values.join(" or ")}, got \`${given}\``);
+  }
   for (const key of said.keys())
     if (!KEYS_OF_REPLAY.includes(key))
       problems.push(`it has no \`${key}\`, but ${KEYS_OF_REPLAY.join(", ")}`);

@@ -15,13 +15,16 @@ test("an address says what is shown first", () => {
   assert.deepEqual(readAddress(address, counts), shown);
 });
 
-// A page with `#nonsense`, or of an episode that there is not, said nothing.
+// A page with `#nonsense`, or of an episode or theme that there is not, said nothing.
 test("what cannot be shown is named, and the rest is shown", () => {
   for (const [address, problem] of [
     ["nonsense", "it has no `nonsense`, but episode, tick, unit, speed, play, fit, theme"],
     ["episode=3&tick=8", "`episode` must be a whole number from 0 to 2, got `3`"],
     ["tick=-1", "`tick` must be a whole number, got `-1`"],
     ["unit=a", "`unit` must be a whole number from 0 to 9, got `a`"],
+    ["fit=zz", "`fit` must be map, got `zz`"],
+    ["play=yes", "`play` must be 1 or 0, got `yes`"],
+    ["theme=zz", "`theme` must be dark or light, got `zz`"],
     ["speed=3", "`speed` must be one of 0.25, 0.5, 1, 2, 4, 8, 16, got `3`"],
   ])
     assert.equal(readAddress(address, counts).problem, problem);

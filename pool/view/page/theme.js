@@ -1,6 +1,8 @@
 // @ts-check
 // Theme: the colours of the style sheet for canvases, and the choice between light and dark.
 
+const THEMES = ["dark", "light"];
+
 export const theme = {
   /** @type {{ [name: string]: string }} */
   colours: {},
@@ -11,7 +13,8 @@ export const theme = {
 
   start() {
     const dark = matchMedia("(prefers-color-scheme: dark)");
-    let chosen = new URLSearchParams(location.hash.slice(1)).get("theme") ?? stored("theme");
+    const asked = [new URLSearchParams(location.hash.slice(1)).get("theme"), stored("theme")];
+    let chosen = asked.find((name) => THEMES.includes(name ?? "")) ?? null;
     const apply = () => {
       const name = chosen ?? (dark.matches ? "dark" : "light");
       document.documentElement.dataset.theme = name;
