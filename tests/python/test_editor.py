@@ -702,6 +702,15 @@ def test_names_of_unit_types_that_cannot_be_saved_are_refused_by_the_page(browse
 
 
 @pytest.mark.skipif(not PAGE.exists(), reason="no page; see `just playground`")
+@pytest.mark.parametrize("link", ["scenario=nope", "file=abc", "check=00&scenario=3m", "rules=x&scenario=3m"])
+def test_an_editor_whose_link_is_bad_begins_with_a_new_scenario(browser: Any, link: str) -> None:
+    """It never began, or opened what the checksum of a link denies."""
+    with EditorPage(browser, f"{PAGE.as_uri()}#{link}") as editor:
+        assert editor.page.inner_text("h1") == "new_scenario"
+        assert editor.page.inner_text("#message").startswith("The scenario of this link cannot be opened: ")
+
+
+@pytest.mark.skipif(not PAGE.exists(), reason="no page; see `just playground`")
 def test_the_skip_link_of_the_editor_keeps_the_address_of_its_scenario(browser: Any) -> None:
     """A reload then opened a new scenario."""
     with EditorPage(browser, f"{PAGE.as_uri()}#scenario=3m") as editor:

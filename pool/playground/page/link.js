@@ -25,8 +25,8 @@ const KEYS = [
   "play",
   "theme",
 ];
-/** Keys that say nothing of the battle. `play` starts it at once. */
-const NO_BATTLE = ["check", "play", "theme"];
+/** Keys that say nothing of the battle. `play` starts it at once; the last two are the editor's. */
+const NO_BATTLE = ["check", "play", "theme", "tab", "group"];
 const INCOMPLETE = "the link is incomplete or was changed; copy all of it";
 
 /**
@@ -77,6 +77,17 @@ function checkOf(link) {
 }
 
 /**
+ * What a link says; an error if it is not whole.
+ * @param {string} text
+ */
+export function linkParts(text) {
+  const link = new URLSearchParams(text),
+    check = link.get("check");
+  if (check !== null && check !== checkOf(link)) throw new Error(INCOMPLETE);
+  return link;
+}
+
+/**
  * A battle as text: what stands behind `#`.
  * @param {SharedBattle} battle
  */
@@ -111,9 +122,7 @@ export async function scenarioOf(link) {
  * @returns {Promise<SharedBattle>}
  */
 export async function battleOf(text, defaults) {
-  const link = new URLSearchParams(text),
-    check = link.get("check");
-  if (check !== null && check !== checkOf(link)) throw new Error(INCOMPLETE);
+  const link = linkParts(text);
   const unknown = [...link.keys()].find((key) => !KEYS.includes(key));
   if (unknown !== undefined) throw new Error(`a link has no \`${unknown}\`; it has ${KEYS.join(", ")}`);
   const [actions, taken] = ["actions", "taken"].map((key) => link.get(key));

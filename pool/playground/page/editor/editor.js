@@ -1,7 +1,7 @@
 // @ts-check
 // EditorPage: connects the document, the map, the forms and the engine.
 
-import { all, byId, make } from "#view/dom.js";
+import { all, byId, make, messageOf } from "#view/dom.js";
 import { everyFrame } from "#view/frames.js";
 import { clamp } from "#view/numbers.js";
 import { theme } from "#view/theme.js";
@@ -12,6 +12,7 @@ import { button } from "./fields.js";
 import { FileStore, filesOfLink } from "./files.js";
 import { GroupsPanel, ScenarioPanel } from "./groups.js";
 import { MapEditor } from "./map.js";
+import { say } from "./message.js";
 import { Checker, TABS } from "./problems.js";
 import { TextPanel } from "./text.js";
 import { TOOL_HINTS } from "./tools.js";
@@ -296,8 +297,12 @@ export class EditorPage {
 export async function startEditor(engine, open, playground) {
   theme.start();
   const builtins = await engine.request({ type: "get_builtins" });
-  const handedOver = await filesOfLink(location.hash.slice(1), builtins),
-    opened = await open(builtins);
+  let problem = "";
+  const handedOver = await filesOfLink(location.hash.slice(1), builtins).catch((error) => {
+    problem = `The scenario of this link cannot be opened: ${messageOf(error)}`;
+    return null;
+  });
+  const opened = await open(builtins);
   const page = new EditorPage(engine, builtins, opened, playground);
   page.start();
   if (handedOver) {
@@ -305,5 +310,6 @@ export async function startEditor(engine, open, playground) {
     Object.assign(byId("rules"), { value: handedOver.rules });
     page.load(handedOver.files);
   }
+  if (problem) say(problem);
   return page;
 }

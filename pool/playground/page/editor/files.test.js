@@ -5,6 +5,7 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
 import { ScenarioDocument } from "./document.js";
+import { linkOf } from "../link.js";
 import { FileStore, filesOfLink } from "./files.js";
 
 /** @type {import("../protocol.d.ts").Builtins} */
@@ -21,6 +22,16 @@ test("rules of a link have the name that the choices have, or are refused", asyn
   assert.equal(await rulesOf("&rules=starcraft-1"), "starcraft-1");
   const refused = /^Error: `rules` must be smaclite, paper, starcraft-1, got `(bogus|starcraft-2)`$/;
   for (const rules of ["bogus", "starcraft-2"]) await assert.rejects(rulesOf(`&rules=${rules}`), refused);
+});
+
+// The playground refused such links, and the editor opened them.
+test("a link that is not whole is refused, whatever else the editor begins with", async () => {
+  const battle = { seed: "1", opponent: "", rules: "", team: "kite", actions: [], taken: [] };
+  const [{ name }] = builtins.scenarios,
+    link = await linkOf({ scenario: name, ...battle });
+  assert.equal((await filesOfLink(`${link}&tab=json&group=1`, builtins))?.files.source, `${name}.json`);
+  const changed = link.replace("seed=1", "seed=2");
+  await assert.rejects(filesOfLink(changed, builtins), /the link is incomplete or was changed/);
 });
 
 /**
