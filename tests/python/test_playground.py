@@ -539,6 +539,15 @@ def test_what_has_the_focus_is_not_behind_the_bar_at_the_bottom(browser: Any, wi
             assert page.page.evaluate(hidden) is None
 
 
+def test_the_help_on_a_phone_begins_at_its_top(browser: Any) -> None:
+    """The button that closes it, at its end, had the focus, so it was scrolled to its end."""
+    with Playground(browser, viewport={"width": 390, "height": 600}) as page:
+        page.page.click("#help")
+        page.settle()
+        height = "(keys) => [keys.scrollTop, keys.scrollHeight > keys.clientHeight]"
+        assert page.page.eval_on_selector("#keys", height) == [0, True]
+
+
 def test_rules_of_a_link_stay_by_the_name_that_the_choices_have(browser: Any) -> None:
     """The choice was blank, and with another seed the rules were those of the map."""
     with Playground(browser, "scenario=3m&rules=starcraft") as page:
