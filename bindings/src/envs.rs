@@ -49,8 +49,9 @@ pub struct Embedded {
 ///
 /// `timeout` is a number of seconds, at least 0; None means no limit. Ctrl-C interrupts every wait. After
 /// Timeout or KeyboardInterrupt the batch is still being computed, or there: call `recv` to get it, or
-/// `reset` to discard it; so does the next request of a synchronous lane, if the batch is there. A reset with snapshots of a lane that was not reset before, or with a list of seeds, is of
-/// several requests: if it ends before the last is sent, only a reset of all environments can follow.
+/// `reset` to discard it; so does the next request of a synchronous lane, if the batch is there. A reset
+/// with snapshots of a lane that was not reset before, or with a list of seeds, is of several requests: if it
+/// ends before the last is sent, only a reset of all environments can follow.
 ///
 /// Only one thread may call these environments at a time; a concurrent call raises Busy. After a fork, calls
 /// in the child raise Forked; calls after `close` raise Closed.

@@ -240,9 +240,7 @@ def test_only_last_actions_are_left_out(
     file.write_text(json.dumps({**content, "smacv2": {**content["smacv2"], **options}}))
     sizes = []
     for with_last_action in (False, True):
-        runner = PoolRunner(
-            args_of(1, map_name=str(file), state_last_action=with_last_action), Log()
-        )
+        runner = PoolRunner(args_of(1, map_name=str(file), state_last_action=with_last_action), Log())
         sizes.append(runner.get_env_info()["state_shape"])
         runner.close_env()
     assert tuple(sizes) == expected

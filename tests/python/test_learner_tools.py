@@ -64,16 +64,14 @@ def test_a_rollout_holds_copies_of_consecutive_batches() -> None:
             sp.extras.Rollout(envs, 1, ["rewards"])
         with pytest.raises(sp.errors.InvalidRequest, match="steps must be at least 1, got 0"):
             sp.extras.Rollout(envs, 0)
-        wrong: list[tuple[Any, str]] = [("obs", "str"), (3, "int"), ([3], "int in it"), ([["obs"]], "list in it")]
-        for fields, got in wrong:
+        wrong: dict[str, Any] = {"str": "obs", "int": 3, "int in it": [3], "list in it": [["obs"]]}
+        for got, fields in wrong.items():
             message = f'fields must be a list of strings, such as ["obs"], got {got}'
             with pytest.raises(TypeError, match=f"^{re.escape(message)}$"):
                 sp.extras.Rollout(envs, 3, fields=fields)
         with sp.make("3m", 1) as one:  # NumPy would copy it to all rows
             kept = rollout.reward.copy()
-            with pytest.raises(
-                sp.errors.InvalidRequest, match=r"with env_id of shape \(3,\), got \(1,\)"
-            ):
+            with pytest.raises(sp.errors.InvalidRequest, match=r"with env_id of shape \(3,\), got \(1,\)"):
                 rollout[0] = one.reset()
             np.testing.assert_array_equal(rollout.reward, kept)
         with pytest.raises(TypeError, match="^envs must be environments or a wrapper of them, got str$"):

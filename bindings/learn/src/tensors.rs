@@ -35,8 +35,8 @@ pub enum FileError {
     )]
     Undescribed { folder: PathBuf, found: &'static str },
     #[error(
-        "`{}` holds a run, and `{}` in it another one, as `train --seeds` calls it, which would be overlooked: \
-         move one of them elsewhere", folder.display(), inner.display()
+        "`{}` holds a run, and `{}` in it another one, as `train --seeds` calls it, which would be \
+         overlooked: move one of them elsewhere", folder.display(), inner.display()
     )]
     Both { folder: PathBuf, inner: PathBuf },
     #[error(

@@ -48,8 +48,8 @@ pub enum TrainError {
         folder: PathBuf,
     },
     #[error(
-        "the folder of the team that is to play the enemies, `{}`, must have a name that is text in UTF-8, as \
-         run.json names it", .0.display()
+        "the folder of the team that is to play the enemies, `{}`, must have a name that is text in \
+         UTF-8, as run.json names it", .0.display()
     )]
     NotText(PathBuf),
     #[error("`{folder}` has made {made} steps: --steps must be at least that many, got {given}")]

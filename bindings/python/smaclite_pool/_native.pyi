@@ -500,9 +500,7 @@ def pack_snapshot(
 ) -> NDArray[np.uint8]:
     """A snapshot of columns that may have been edited, checked: uint8 [snapshot_size]."""
 
-def check_settings(
-    function: str, settings: dict[str, Any], own: list[str], refused: list[str]
-) -> None: ...
+def check_settings(function: str, settings: dict[str, Any], own: list[str], refused: list[str]) -> None: ...
 def run_program(args: list[str]) -> int: ...
 def read_team(
     folder: str | PathLike[str], weights: str | None = None, map: str | None = None

@@ -154,8 +154,8 @@ impl AttachedLane {
         self.send(kind, ids, body, wait)
     }
 
-    /// Why a request is not sent. The results of a pool that has died never arrive, so its environments would be
-    /// busy without end.
+    /// Why a request is not sent. The results of a pool that has died never arrive, so its environments would
+    /// be busy without end.
     fn refused(&self, rejection: Rejection) -> ClientError {
         let has_died = self.local.is_none() && !self.control.is_alive();
         if has_died { self.pool_died() } else { rejection.into() }

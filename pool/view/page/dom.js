@@ -17,8 +17,8 @@ export const byId = (id) => document.getElementById(id);
 export const all = (selector, root = document) => [...root.querySelectorAll(selector)].map(asElement);
 
 /**
- * Lets the link at the start of the page move the focus and nothing else: what the address has behind `#` says
- * what the page shows.
+ * Lets the link at the start of the page move the focus and nothing else: what the address has behind `#`
+ * says what the page shows.
  */
 export function listenToSkip() {
   const [skip] = all(".skip");

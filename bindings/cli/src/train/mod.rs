@@ -408,7 +408,8 @@ impl Train {
         })
     }
 
-    /// Says what a run on lanes without snapshots loses; to be called when nothing can refuse the run anymore.
+    /// Says what a run on lanes without snapshots loses; to be called when nothing can refuse the run any
+    /// more.
     fn warn_of_snapshots(&self, are_saved: bool) {
         if let Some(pool) = self.pool.as_ref().filter(|_| !are_saved) {
             err!(

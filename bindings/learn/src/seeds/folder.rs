@@ -27,8 +27,9 @@ pub fn runs_in(folder: &Path) -> Result<Vec<(PathBuf, RunDescription)>, FileErro
     Ok(runs)
 }
 
-/// The run that a folder holds: its own, or the first of those of `train --seeds` in it. Beside either, another
-/// run would hide one of them: where a folder has a `run.json`, no run is looked for in its subfolders.
+/// The run that a folder holds: its own, or the first of those of `train --seeds` in it. Beside either,
+/// another run would hide one of them: where a folder has a `run.json`, no run is looked for in its
+/// subfolders.
 ///
 /// # Errors
 /// If the folder cannot be read, or holds a run without its `run.json`.

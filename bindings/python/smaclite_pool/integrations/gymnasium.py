@@ -52,13 +52,13 @@ from .._render import (
 from .._requirements import require_names, require_synchronous
 from ..errors import InvalidRequest
 from ._common import (
+    FIXED_SETTINGS,
     INFO_FIELDS,
     OBSERVATION_KEYS,
     CopiedByArguments,
     IllegalActions,
     SingleBattle,
     TimeStep,
-    FIXED_SETTINGS,
     check_keywords,
     check_one_side,
     require_fields,

@@ -46,11 +46,11 @@ from .._layout import Bounds, field_bounds
 from .._render import RENDER_FPS, RENDER_MODES, BattleViewer, check_render_mode, check_render_speed
 from ..errors import InvalidRequest
 from ._common import (
+    FIXED_SETTINGS,
     CopiedByArguments,
     IllegalActions,
     SingleBattle,
     TimeStep,
-    FIXED_SETTINGS,
     check_keywords,
     stop_unavailable,
     stops,

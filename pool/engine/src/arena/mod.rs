@@ -234,9 +234,9 @@ impl Arena {
         Arena { opponents, ..self }
     }
 
-    /// The unscaled return of a win over enemies that neither regenerate nor blow themselves up: all health and shields of the enemies, a
-    /// reward per kill, and the reward for winning. Unless the scenario says otherwise, it is scaled to a
-    /// return of 20.
+    /// The unscaled return of a win over enemies that neither regenerate nor blow themselves up: all health
+    /// and shields of the enemies, a reward per kill, and the reward for winning. Unless the scenario says
+    /// otherwise, it is scaled to a return of 20.
     pub fn max_reward(&self) -> f64 {
         self.max_reward_of(Faction::Ally)
     }

@@ -27,8 +27,8 @@ pub(super) fn act(world: &mut World, generator: &mut Generator, earned: &mut Ear
     }
 }
 
-/// Runs turns from `turn` on, up to the first in which a unit heals or comes to its damage point; returns that
-/// unit and its target.
+/// Runs turns from `turn` on, up to the first in which a unit heals or comes to its damage point; returns
+/// that unit and its target.
 #[inline(always)]
 fn take_plain_turns(world: &mut World, generator: &mut Generator, turn: &mut usize) -> Option<(u32, u32)> {
     let World { arena, units, alive_ids, .. } = world;

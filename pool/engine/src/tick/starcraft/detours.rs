@@ -1,7 +1,7 @@
 //! Ways around units that stand.
 //!
-//! A unit that would walk into units that stand turns to the first direction in which it would not: by 20, 40,
-//! ... degrees, to the side to which it moves already and to the other in turn. Avoidance alone
+//! A unit that would walk into units that stand turns to the first direction in which it would not: by 20,
+//! 40, ... degrees, to the side to which it moves already and to the other in turn. Avoidance alone
 //! (`tick::avoid`) would let it stand behind them.
 
 use glam::Vec2;
