@@ -136,7 +136,7 @@ def page(url: str) -> PageSocket:
     return opened
 
 
-VERSION = 6
+VERSION = 7
 """Of the messages, as in bindings/cli/src/web/protocol."""
 
 
@@ -148,8 +148,9 @@ def editor(url: str, folder: Path) -> str | None:
     is_saved = False
     try:
         opened = page(url)
-        if files := opened.request("open_files").get("response", {}).get("files"):
-            saved = opened.request("save_files", files={**files, "text": new}, replace=False)
+        if begun := opened.request("open_files").get("response"):
+            files = {**begun["files"], "text": new}
+            saved = opened.request("save_files", files=files, base=begun["base"], replace=False)
             is_saved = "saved" in saved.get("response", {})
         opened.close()
     except TimeoutError:

@@ -16,7 +16,7 @@ use tungstenite::{Message, WebSocket};
 pub const PATIENCE: Duration = Duration::from_secs(30);
 
 /// The version of the messages, as the scripts of the pages say it.
-pub const VERSION: u32 = 6;
+pub const VERSION: u32 = 7;
 
 /// A runtime directory, and the programs that run in it. Dropping it removes what killed pools left behind.
 pub struct Place {
