@@ -194,7 +194,7 @@ def test_gymnasium_shows_the_same_bits() -> None:
             "5m_vs_6m",
             {"opponent": "zoo:5m_vs_6m"},
             "opponent `zoo:5m_vs_6m`: the team was trained in `5m_vs_6m` and plays 5 units .* the enemies of "
-            "this scenario are 6 .* whose two sides are equal",
+            "this scenario are 6 .* whose two sides have equal sizes",
         ),
         ("8m", {"opponent": {"zoo:3m": 1, "kite": 1}}, "plays 3 units .* the enemies of this scenario are 8"),
         (

@@ -38,7 +38,8 @@ pub struct TeamTensor {
 #[error(
     "the team was trained in `{trained_in}` and plays {expected} units with {expected_actions} actions and \
      observations of {expected_obs} numbers, but the {side} of this scenario are {given} with \
-     {given_actions} and {given_obs}; a team plays the enemies only of scenarios whose two sides are equal"
+     {given_actions} and {given_obs}; a team plays the enemies only of scenarios whose two sides have equal \
+     sizes"
 )]
 pub struct UnfitTeam {
     trained_in: String,

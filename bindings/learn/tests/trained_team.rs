@@ -81,7 +81,7 @@ fn a_team_plays_enemies_that_are_like_its_agents() {
     assert!(error.starts_with("the team was trained in `3m` and plays 3 units"), "{error}");
     assert!(error.contains("the enemies of this scenario are 6"), "{error}");
     assert!(
-        error.ends_with("a team plays the enemies only of scenarios whose two sides are equal"),
+        error.ends_with("a team plays the enemies only of scenarios whose two sides have equal sizes"),
         "{error}"
     );
     assert!(TrainedTeam::open(folder.path()).unwrap_err().to_string().contains("run"));

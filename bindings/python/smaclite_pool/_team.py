@@ -127,7 +127,7 @@ class Team:
         expected = self._obs_shape
         if obs.shape[1:] != expected:
             why = (
-                "a team plays the enemies of a scenario whose two sides are equal"
+                "a team plays the enemies of a scenario whose two sides have equal sizes"
                 if self.side == "enemies"
                 else "make environments of its scenario with `**team.settings`"
             )
@@ -167,7 +167,7 @@ def load_team(
         with sp.make("2s3z", num_envs=64, **team.settings) as envs:
             print(sp.evaluate(envs, team, episodes=200, seed=1).win_rate)
 
-    A team also plays the enemies of a scenario whose two sides are equal:
+    A team also plays the enemies of a scenario whose two sides have equal sizes:
 
         import numpy as np
         import smaclite_pool as sp

@@ -234,7 +234,9 @@ export class TypesPanel extends Panel {
       const name = input.value.trim();
       const isFree = doc.freeName(name) === name;
       if (!/^[\w-][\w.-]{0,99}$/.test(name) || !isFree) {
-        const why = isFree ? "use letters, digits, _, - and, but not first, ." : "another type has this name";
+        const why = isFree
+          ? "use letters, digits, _, - and ., which cannot be first"
+          : "another type has this name";
         input.setCustomValidity(`The name is part of a file name: ${why}`);
         input.reportValidity();
         return;

@@ -31,8 +31,8 @@ pub(crate) enum TargetError {
     #[error("the command names no file to save to; download the files instead")]
     NoFile,
     #[error(
-        "unit type names must be 1 to 100 of the characters A-Z, a-z, 0-9, `_`, `-` and, but not first, `.`, \
-         got `{0}`"
+        "unit type names must be 1 to 100 of the characters A-Z, a-z, 0-9, `_`, `-` and `.`, which cannot be \
+         the first, got `{0}`"
     )]
     UnitName(String),
     #[error(
