@@ -229,11 +229,11 @@ class _Rows:
     FIELDS = ("obs", "state", "avail_actions", "reward", "terminated", "truncated", *INFO_FIELDS)
 
     def __init__(self, envs: Envs, state_has_last_action: bool) -> None:
-        is_kept = np.ones(envs.spec.state_size, np.bool_)
+        kept = np.ones(envs.spec.state_size, np.float32)
         last_action = feature_blocks(scenario(envs)["state_layout"]).get("last_action")
         if last_action is not None:
-            last_action.view(is_kept)[...] = state_has_last_action
-        self._state = np.flatnonzero(is_kept)
+            last_action.view(kept)[...] = state_has_last_action
+        self._state = np.flatnonzero(kept)
         self.state_size = len(self._state)
         fields = envs.spec.fields
         self._fields: dict[str, NDArray[Any]] = {}
