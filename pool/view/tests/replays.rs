@@ -340,8 +340,7 @@ fn wrong_values_are_named() {
         "f: expected a replay, which is JSON compressed by gzip: `format` must be",
     );
     check("/version", 2.into(), "f: `version` must be 1, got 2; it was written by smaclite-pool");
-    let rules = "f: `rules` must be \"smaclite\", \"paper\" or \"starcraft-1\" (of a newer release it may be \
-                 another), got starcraft-2";
+    let rules = "f: `rules` must be \"smaclite\", \"paper\" or \"starcraft-1\", got starcraft-2";
     check("/rules", "starcraft-2".into(), rules);
     check("/episode_limit", 0.into(), "`episode_limit` must be at least 1");
     check("/episode_limit", 3.into(), "`episodes[0].steps` must be at most 3, the `episode_limit`");

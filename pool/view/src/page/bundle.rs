@@ -1,4 +1,4 @@
-//! Modules of JavaScript as one script, for pages that load no other file.
+//! Modules of JavaScript as one script, and style sheets as one, for pages that load no other file.
 //!
 //! The modules share one scope, in which the names at their top level are those that their authors wrote: an
 //! import disappears, and `export` becomes the declaration behind it. So the names must be different, and
@@ -20,6 +20,18 @@ pub(super) fn bundle(entry: &str, modules: &[&[Module]]) -> String {
     let mut bundle = Bundle { modules, done: Vec::new(), script: String::new() };
     bundle.add(entry.to_owned());
     bundle.script
+}
+
+/// The texts of style sheets as one, without comments.
+pub(super) fn styles(sheets: &[&str]) -> String {
+    sheets.iter().map(|sheet| without(sheet, "/*")).collect()
+}
+
+/// A text without its comments that begin so and end with `*/`. No string of it may contain what begins one.
+fn without(text: &str, begin: &str) -> String {
+    let mut parts = text.split(begin);
+    let first = parts.next().unwrap_or_default().to_owned();
+    parts.fold(first, |text, part| text + part.split_once("*/").map_or("", |(_comment, after)| after))
 }
 
 struct Bundle<'a> {
@@ -60,7 +72,7 @@ fn parts(text: &str) -> Parts<'_> {
     let (mut is_import, mut is_comment) = (false, false);
     for line in text.split_inclusive('\n') {
         is_import |= line.starts_with("import ");
-        // A third of the text is comments on lines of their own. A type before an expression stays.
+        // A third of the text is comments on lines of their own, or types before expressions.
         let code = line.trim();
         is_comment |= code.starts_with("/**") && (code.ends_with("*/") || !code.contains("*/"));
         if is_comment || code.starts_with("//") {
@@ -72,7 +84,7 @@ fn parts(text: &str) -> Parts<'_> {
             parts.imports.extend(line.split('"').nth(1));
             is_import = !line.trim_end().ends_with(';');
         } else {
-            parts.body.push_str(line.strip_prefix("export ").unwrap_or(line));
+            parts.body.push_str(&without(line.strip_prefix("export ").unwrap_or(line), "/** @type "));
         }
     }
     parts
@@ -121,7 +133,13 @@ mod tests {
         let text = "// @ts-check\n/** @typedef {A} B */\n/**\n * A.\n */\nexport const a =\n  \
              /** @type {B} */ (1); // one\n";
         let modules = [Module { path: "a.js", text }];
-        assert_eq!(bundle("a.js", &[&modules]), "const a =\n  /** @type {B} */ (1); // one\n");
+        assert_eq!(bundle("a.js", &[&modules]), "const a =\n   (1); // one\n");
+    }
+
+    #[test]
+    fn comments_of_styles_are_left_out() {
+        let sheets = ["/* a */\nb { c: d; } /* e\nf */\n", "g { h: i; }\n"];
+        assert_eq!(styles(&sheets), "\nb { c: d; } \ng { h: i; }\n");
     }
 
     #[test]

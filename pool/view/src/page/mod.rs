@@ -14,7 +14,7 @@ pub use data::{
     Features, ScenarioInfo, TypeInfo, encode_moments, encode_step, features_info, scenario_info, types_info,
 };
 
-use bundle::bundle;
+use bundle::{bundle, styles};
 use data::ReplayData;
 
 use crate::{Replay, ReplayError};
@@ -125,7 +125,7 @@ impl Document<'_> {
         // Inside a script element only `<` can end the text early, and JSON may write it by its code.
         let data = self.data.to_string().replace('<', "\\u003c");
         let title = escaped(self.title);
-        let style = format!("{STYLE}{}", self.style);
+        let style = styles(&[STYLE, self.style]);
         let mut page = String::with_capacity(TEMPLATE.len() + style.len() + scripts.len() + data.len());
         let own = [
             ("policy", self.policy),

@@ -42,7 +42,7 @@ const FORMAT: &str = "smaclite-replay";
 const VERSION: u64 = 1;
 
 /// The `rules` that are accepted. `starcraft` stands for its newest version, and files name the version.
-const RULES: &str = "\"smaclite\", \"paper\" or \"starcraft-1\" (of a newer release it may be another)";
+const RULES: &str = "\"smaclite\", \"paper\" or \"starcraft-1\"";
 
 /// What is read first; other versions may differ in everything else.
 #[derive(Deserialize)]

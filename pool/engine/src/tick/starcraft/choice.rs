@@ -103,7 +103,6 @@ fn follow_orders(world: &mut World) {
 }
 
 /// Counts a unit among those that attack its target; the last number is of those that attack none.
-#[inline(always)]
 fn count(arena: &Arena, attackers: &mut [i32], id: u32, target: Option<u32>, by: i32) {
     let none = attackers.len() - 1;
     let by = if arena.starcraft_stats[id as usize].is_healer { 0 } else { by };

@@ -27,8 +27,10 @@ pub(in crate::tick) struct Standing {
     groups: Vec<Group>,
 }
 
-/// Four units, one per entry of each column.
-#[derive(Clone, Debug, Default)]
+/// Four units, one per entry of each column. Of units near one that walks, `x` and `y` are the ways from that
+/// to them, and each blocks a way that passes it within its radius, which is negative for a unit that is not
+/// near.
+#[derive(Clone, Copy, Debug, Default)]
 struct Group {
     x: [f32; WIDTH],
     y: [f32; WIDTH],
@@ -68,16 +70,7 @@ impl Standing {
 #[derive(Debug, Default)]
 pub(in crate::tick) struct Near {
     len: usize,
-    groups: Vec<NearGroup>,
-}
-
-/// Four units, seen from one that walks.
-#[derive(Clone, Copy, Debug, Default)]
-struct NearGroup {
-    x: [f32; WIDTH],
-    y: [f32; WIDTH],
-    /// Each blocks a way that passes it within this; less than 0 for a unit that is not near.
-    reaches: [f32; WIDTH],
+    groups: Vec<Group>,
 }
 
 /// A unit that walks.
@@ -89,7 +82,7 @@ struct Walker {
 
 impl Near {
     pub fn reserve(&mut self, n_units: usize) {
-        self.groups.resize(n_units.div_ceil(WIDTH) + 1, NearGroup::default());
+        self.groups.resize(n_units.div_ceil(WIDTH) + 1, Group::default());
     }
 
     /// Finds the units near a walker, but its target. Returns whether one of them is in its way.
@@ -108,8 +101,8 @@ impl Near {
             let reaches = is_near.select(reach * touch, nowhere);
             blocked |= blocking(way, reaches, straight);
             // Written before it is known whether one is near: no branch, which would be hard to predict.
-            self.groups[len] =
-                NearGroup { x: way.x.to_array(), y: way.y.to_array(), reaches: reaches.to_array() };
+            let [x, y, radii] = [way.x, way.y, reaches].map(F32x4::to_array);
+            self.groups[len] = Group { x, y, radii, ..*group };
             len += usize::from(is_near.any());
         }
         self.len = len;
@@ -121,7 +114,7 @@ impl Near {
     fn is_free(&self, four: Four, direction: Vec2) -> bool {
         let direction = Vec2x4::splat(four, direction);
         let blocked = self.groups[..self.len].iter().fold(0, |blocked, group| {
-            let [x, y, reaches] = [group.x, group.y, group.reaches].map(|numbers| F32x4::new(four, numbers));
+            let [x, y, reaches] = [group.x, group.y, group.radii].map(|numbers| F32x4::new(four, numbers));
             blocked | blocking(Vec2x4 { x, y }, reaches, direction)
         });
         blocked == 0
@@ -146,7 +139,7 @@ impl Near {
 }
 
 /// Which of some units, seen from one that walks, are in its way, as bits.
-#[inline(always)]
+#[cfg_attr(not(target_family = "wasm"), inline(always))]
 fn blocking(way: Vec2x4, reaches: F32x4, direction: Vec2x4) -> u32 {
     let is_ahead = way.dot(direction).gt(F32x4::splat(reaches.simd(), 0.0));
     (is_ahead & way.perp_dot(direction).abs().lt(reaches)).bits()
