@@ -119,7 +119,7 @@ fn launch(world: &mut World, id: u32, target: u32, earned: &mut Earned) {
 impl AttackPhase {
     /// Turns by at most an angle, given by its cosine and sine. Returns whether the unit then faces that way,
     /// as near as an attack needs.
-    #[cfg_attr(not(target_family = "wasm"), inline(always))]
+    #[cfg_attr(not(target_family = "wasm"), inline(always))] // in browsers size counts
     pub(super) fn turn_to(&mut self, way: Vec2, turn: Vec2) -> bool {
         let length = way.length();
         if length < f32::MIN_POSITIVE {

@@ -139,7 +139,7 @@ impl Near {
 }
 
 /// Which of some units, seen from one that walks, are in its way, as bits.
-#[cfg_attr(not(target_family = "wasm"), inline(always))]
+#[cfg_attr(not(target_family = "wasm"), inline(always))] // in browsers size counts
 fn blocking(way: Vec2x4, reaches: F32x4, direction: Vec2x4) -> u32 {
     let is_ahead = way.dot(direction).gt(F32x4::splat(reaches.simd(), 0.0));
     (is_ahead & way.perp_dot(direction).abs().lt(reaches)).bits()
