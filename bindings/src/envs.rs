@@ -210,7 +210,7 @@ impl Envs {
         let (client, is_incomplete) = guard.for_reset(ids.is_none());
         let was_incomplete = *is_incomplete;
         *is_incomplete &= ids.is_some(); // a reset of all discards what was not received
-        match start {
+        let batch = match start {
             Start::Scenario => seeds.reset(py, client, is_incomplete, ids, None, timeout),
             Start::Levels(levels) => seeds.reset(py, client, is_incomplete, ids, Some(&levels), timeout),
             Start::Snapshots(snapshots) => {
@@ -232,7 +232,8 @@ impl Envs {
                 }
                 receive(py, client, deadline.left())
             }
-        }
+        }?;
+        guard.hand_over(py, batch)
     }
 
     /// Send actions and return the next batch: `send`, then `recv`.

@@ -680,7 +680,7 @@ def test_a_number_of_units_that_was_emptied_shows_what_the_file_has(browser: Any
 
 
 def test_names_of_unit_types_that_cannot_be_saved_are_refused_by_the_page(browser: Any, file: Path) -> None:
-    """`..` and `.x` were taken, and then not saved; and the focus was lost with the name."""
+    """`..` and `.x` were accepted, and then not saved; and the focus was lost with the name."""
     with Editor(browser, str(file)) as editor:
         editor.tab("types")
         editor.page.click("text=Copy as new")

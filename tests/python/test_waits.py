@@ -136,6 +136,7 @@ class Interrupted(Exception):
     """What the handler of a signal raises."""
 
 
+@posix
 @pytest.mark.parametrize("batch_size", [512, 128])
 def test_a_signal_takes_no_batch(batch_size: int) -> None:
     """Its exception is raised when the wait has ended, with a batch that the next call returns."""

@@ -181,6 +181,7 @@ def _as_policy(
         raise InvalidRequest(
             f'{name} must be a ScriptedPolicy(..., side="{side}"), got one with side="{policy.side}"'
         )
+    # A team of the agents may play the enemies: it sees them as agents.
     if isinstance(policy, Team) and side == "allies" and policy.side != side:
         raise InvalidRequest(f'{name} must be a team of the agents, got one with side="{policy.side}"')
     result: Policy = policy

@@ -9,6 +9,7 @@ use crate::recorder::RecordingToFile;
 use crate::wait::{IsCancelled, check_interrupts};
 use pyo3::prelude::*;
 use smaclite_ipc::{Client, Supervisor};
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -26,8 +27,8 @@ struct Attached {
     /// Written when these environments are closed.
     recording: Option<RecordingToFile>,
     client: Client,
-    /// Received when a signal came: its exception is raised in place of this, which the next `recv` returns.
-    kept: Option<Batch>,
+    /// Received, and not returned yet: the exception of a signal was raised in its place.
+    kept: VecDeque<Batch>,
     /// The last reset ended before all its requests were sent, so what is received next is not its result.
     is_incomplete: bool,
     _embedded: Option<Arc<Supervisor>>,
@@ -47,7 +48,8 @@ impl SharedClient {
         embedded: Option<Arc<Supervisor>>,
         recording: Option<RecordingToFile>,
     ) -> SharedClient {
-        let attached = Attached { recording, client, kept: None, is_incomplete: false, _embedded: embedded };
+        let attached =
+            Attached { recording, client, kept: VecDeque::new(), is_incomplete: false, _embedded: embedded };
         SharedClient(Exclusive::new(attached, TEXTS))
     }
 
@@ -80,7 +82,7 @@ impl ClientGuard<'_> {
         let attached = self.attached();
         attached.is_incomplete = false;
         if attached.client.description().settings.is_synchronous() {
-            attached.kept = None; // the request was of all environments
+            attached.kept.clear(); // the request was of all environments
         }
         &mut attached.client
     }
@@ -88,18 +90,21 @@ impl ClientGuard<'_> {
     /// Waits for the next batch.
     pub(super) fn receive(&mut self, py: Python<'_>, timeout: Option<Duration>) -> PyResult<Batch> {
         let attached = self.attached();
-        if let Some(kept) = attached.kept.take() {
-            return Ok(kept);
+        if let Some(kept) = attached.kept.pop_front() {
+            return self.hand_over(py, kept);
         }
         let batch = receive(py, &mut attached.client, timeout)?;
-        // Python raises what a signal handler raises when a call has returned: the batch would be lost.
-        match check_interrupts(py) {
-            Ok(()) => Ok(batch),
-            Err(interrupt) => {
-                attached.kept = Some(batch);
-                Err(interrupt)
-            }
-        }
+        self.hand_over(py, batch)
+    }
+
+    /// Returns the oldest batch that was received, which is this one or was kept before it. Python raises what
+    /// a signal handler raises when a call has returned, and the batch would be lost: so it is raised here,
+    /// and the batch kept for the next `recv`.
+    pub(super) fn hand_over(&mut self, py: Python<'_>, batch: Batch) -> PyResult<Batch> {
+        let kept = &mut self.attached().kept;
+        kept.push_back(batch);
+        check_interrupts(py)?;
+        Ok(kept.pop_front().expect("one was added"))
     }
 
     /// The client, and whether a reset of several requests, all but the last of which are waited for, is
@@ -107,7 +112,7 @@ impl ClientGuard<'_> {
     pub(super) fn for_reset(&mut self, of_all: bool) -> (&mut Client, &mut bool) {
         let attached = self.attached();
         if of_all || attached.client.description().settings.is_synchronous() {
-            attached.kept = None;
+            attached.kept.clear();
         }
         (&mut attached.client, &mut attached.is_incomplete)
     }

@@ -8,8 +8,8 @@ use std::path::Path;
 
 const SMALL: &str = "--num-envs 8 --horizon 16 --hidden 8,8 --steps 128 --threads 1";
 
-/// `train --seeds` in the folder of a run, and a run in that of seeds, were begun: all seeds were overlooked
-/// from then on, without a word.
+/// `train --seeds` in the folder of a run, and a run in that of seeds, were begun: all seeds were silently
+/// overlooked from then on.
 #[test]
 fn a_run_and_seeds_are_not_begun_in_one_folder() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -233,8 +233,8 @@ class _Rows:
         last_action = feature_blocks(scenario(envs)["state_layout"]).get("last_action")
         if last_action is not None:
             last_action.view(kept)[...] = state_has_last_action
-        self._state = np.flatnonzero(kept)
-        self.state_size = len(self._state)
+        self._state: slice | NDArray[np.intp] = slice(None) if kept.all() else np.flatnonzero(kept)
+        self.state_size = int(kept.sum())
         fields = envs.spec.fields
         self._fields: dict[str, NDArray[Any]] = {}
         for name in self.FIELDS:

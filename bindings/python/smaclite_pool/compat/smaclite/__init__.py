@@ -87,9 +87,10 @@ class SMACliteEnv(BattleEnv):
         spec = envs.spec
         self._layout = ScenarioLayout(envs)
         allies = self._layout.allies
-        n_targets = [spec.n_agents - 1 if unit["healer"] else spec.n_enemies for unit in allies]
         if self._layout.info["teams_are_drawn"]:  # then `allies` are one sample
             n_targets = [spec.n_actions - FIRST_TARGET] * spec.n_agents
+        else:
+            n_targets = [spec.n_agents - 1 if unit["healer"] else spec.n_enemies for unit in allies]
         low, high = field_bounds(envs)["obs"]
         boxes = [spaces.Box(low, high, dtype=np.float32) for _ in allies]
         return spaces.Tuple(boxes), AvailableTuple(envs, [FIRST_TARGET + n for n in n_targets])

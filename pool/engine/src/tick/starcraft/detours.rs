@@ -82,7 +82,7 @@ struct Walker {
 
 impl Near {
     pub fn reserve(&mut self, n_units: usize) {
-        self.groups.resize(n_units.div_ceil(WIDTH) + 1, Group::default());
+        self.groups.resize(n_units.div_ceil(WIDTH), Group::default());
     }
 
     /// Finds the units near a walker, but its target. Returns whether one of them is in its way.
