@@ -97,9 +97,9 @@ impl ClientGuard<'_> {
         self.hand_over(py, batch)
     }
 
-    /// Returns the oldest batch that was received, which is this one or was kept before it. Python raises what
-    /// a signal handler raises when a call has returned, and the batch would be lost: so it is raised here,
-    /// and the batch kept for the next `recv`.
+    /// Returns the oldest batch that was received: this one, or one that was kept before it. Python raises
+    /// what a signal handler raises when a call has returned, and the batch would be lost: so it is raised
+    /// here, and the batch kept for the next `recv`.
     pub(super) fn hand_over(&mut self, py: Python<'_>, batch: Batch) -> PyResult<Batch> {
         let kept = &mut self.attached().kept;
         kept.push_back(batch);
