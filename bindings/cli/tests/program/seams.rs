@@ -2,20 +2,22 @@
 //! parts of files, damaged values, and names of teams.
 
 use crate::kit::{catches_interruptions, check_error, error, output, program, run};
+use crate::page_kit::Program;
 use rustix::process::Signal;
 use serde_json::{Value, json};
 use std::fs;
+use std::io::BufReader;
 use std::path::Path;
-use std::process::{Child, Stdio};
+use std::process::Stdio;
 use std::time::Duration;
 
-/// A pool of this name that runs.
-fn serve(folder: &Path, name: &str, arguments: &str) -> Child {
+/// A pool of this name that runs. It ends with the test, also if that fails.
+fn serve(folder: &Path, name: &str, arguments: &str) -> Program {
     let mut serve = program(folder, &format!("serve {arguments} --name {name} --threads 1"));
-    let pool = serve.stdout(Stdio::null()).spawn().expect("the program starts");
-    while !output(folder, "list").contains(name) {
-        std::thread::sleep(Duration::from_millis(20));
-    }
+    let mut child = serve.stdout(Stdio::piped()).spawn().expect("the program starts");
+    let output = BufReader::new(child.stdout.take().expect("a pipe"));
+    let mut pool = Program { child, output };
+    while !pool.line().starts_with("connect with") {}
     pool
 }
 
@@ -161,8 +163,8 @@ fn battles_of_a_pool_without_a_limit_end_where_they_are_evaluated() {
     assert!(printed.status.success(), "{printed:?}");
     let warning = String::from_utf8_lossy(&printed.stderr);
     assert!(warning.contains("does not serve the field `snapshot`"), "{warning}");
-    pool.kill().expect("a pool that runs");
-    pool.wait().expect("an end");
+    pool.child.kill().expect("a pool that runs");
+    pool.child.wait().expect("an end");
     output(folder, "tournament run hold --episodes 2 --threads 1");
     output(folder, "evaluate run --episodes 2 --greedy");
 }
@@ -203,8 +205,8 @@ fn a_recording_that_is_not_complete_says_so_and_one_that_is_asked_for_is_written
         std::thread::sleep(Duration::from_millis(5));
     }
     std::thread::sleep(Duration::from_millis(1000)); // some episodes
-    pool.kill().expect("a pool that runs");
-    pool.wait().expect("an end");
+    pool.child.kill().expect("a pool that runs");
+    pool.child.wait().expect("an end");
     let done = record.wait_with_output().expect("an end");
     assert_eq!(done.status.code(), Some(1), "{done:?}");
     assert!(
@@ -341,7 +343,7 @@ fn a_run_with_snapshots_is_resumed_on_a_pool_without_them() {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     output(folder, &format!("train 3m --steps 256 --last-actions 0 --out own {SMALL}"));
-    let mut pool = serve(folder, "bare", "3m:8");
+    let _pool = serve(folder, "bare", "3m:8");
     let resume = "train --resume own --steps 512 --pool bare --threads 1";
     let done = run(folder, resume);
     let message = String::from_utf8_lossy(&done.stderr).into_owned();
@@ -354,7 +356,6 @@ fn a_run_with_snapshots_is_resumed_on_a_pool_without_them() {
         message.contains("serve it with --obs-last-actions 2") && !message.contains(warning),
         "{message}"
     );
-    pool.kill().and_then(|()| pool.wait()).expect("it ran");
 }
 
 /// Closing a terminal ended a pool without its end: its files stayed in shared memory.
@@ -363,8 +364,9 @@ fn a_closed_terminal_ends_a_pool_cleanly() {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     let mut pool = serve(folder, "closed", "3m:2");
-    rustix::process::kill_process(rustix::process::Pid::from_child(&pool), Signal::HUP).expect("a signal");
-    assert_eq!(pool.wait().expect("an end").code(), Some(0));
+    let pid = rustix::process::Pid::from_child(&pool.child);
+    rustix::process::kill_process(pid, Signal::HUP).expect("a signal");
+    assert_eq!(pool.child.wait().expect("an end").code(), Some(0));
     assert!(!output(folder, "list").contains("closed"));
 }
 
