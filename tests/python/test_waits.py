@@ -53,9 +53,13 @@ def test_a_signal_handlers_exception_ends_an_embedded_wait(wait: str) -> None:
             with pytest.raises(Alarm):
                 signal.setitimer(signal.ITIMER_REAL, 0.01)
                 envs.recv()
+            assert envs.recv(timeout=100).sequence == 2, "it was still being computed"
+            with pytest.raises(Alarm):
+                signal.setitimer(signal.ITIMER_REAL, 0.01)
+                envs.reset()
+            assert envs.recv(timeout=100).was_reset.all(), "so was this one"
         finally:
             signal.signal(signal.SIGALRM, before)
-        assert envs.recv(timeout=100).sequence == 2, "it was still being computed"
 
 
 def test_other_threads_run_during_a_wait_and_their_calls_raise_busy(slow: sp.Envs) -> None:
