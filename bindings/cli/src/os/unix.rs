@@ -22,7 +22,7 @@ pub(crate) fn use_all_descriptors() {
 }
 
 /// A limit on the size of files (`ulimit -f`) makes writing fail with an error, instead of ending the program
-/// without a word by SIGXFSZ.
+/// by SIGXFSZ, which says nothing.
 pub(crate) fn report_large_files() {
     // Any handler does; nothing reads the flag. If the system refuses it, the signal ends the program.
     let _ = signal_hook::flag::register(SIGXFSZ, Arc::default());

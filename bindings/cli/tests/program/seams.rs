@@ -5,10 +5,12 @@ use crate::kit::{catches_interruptions, check_error, error, output, program, run
 use crate::page_kit::Program;
 use rustix::process::Signal;
 use serde_json::{Value, json};
+use signal_hook::consts::SIGHUP;
 use std::fs;
 use std::io::BufReader;
 use std::path::Path;
 use std::process::Stdio;
+use std::sync::Arc;
 use std::time::Duration;
 
 /// A pool of this name that runs. It ends with the test, also if that fails.
@@ -361,6 +363,8 @@ fn a_run_with_snapshots_is_resumed_on_a_pool_without_them() {
 /// Closing a terminal ended a pool without its end: its files stayed in shared memory.
 #[test]
 fn a_closed_terminal_ends_a_pool_cleanly() {
+    // Programs inherit that a signal is ignored, as under nohup, and not that it is handled.
+    signal_hook::flag::register(SIGHUP, Arc::default()).expect("a handler");
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
     let mut pool = serve(folder, "closed", "3m:2");
