@@ -97,6 +97,7 @@ const TABLE: &[Row] = &[
     (Place::Envs, &["step_async", "async_step"], "use `send`"),
     (Place::Envs, &["step_wait", "reset_wait"], "use `recv`"),
     (Place::Envs, &["reset_async"], "use `async_reset`"),
+    (Place::Envs, &["xla"], "JAX reads batches in place: smaclite_pool.integrations.jax"),
     (Place::Envs, &["all_env_ids"], "ids are 0 to `spec.num_envs` - 1"),
     (Place::Envs, &["sample", "sample_action", "random_actions"], "use `sample_actions`"),
     (Place::Envs, &["is_async"], "compare `spec.batch_size` with `spec.num_envs`"),

@@ -254,7 +254,7 @@ impl Recorder {
             (true, 0) => Ok(()),
             (true, missing) => warn_of_missing(py, missing),
             (false, _) => {
-                Err(invalid_request("no episode began while the pool was recorded; reset it first"))
+                Err(invalid_request("no episode began while the pool was recorded; reset it and step first"))
             }
         }
     }

@@ -125,6 +125,19 @@ def test_the_constructor_or_seed_sets_the_seed_of_the_first_reset() -> None:
     assert drawn[0] == drawn[1]
 
 
+def test_the_seeds_of_an_action_space_repeat_its_samples() -> None:
+    """Those of one seed per agent did not."""
+    env: Any = gymnasium.make("smaclite/3m-v0", seed=1)
+    env.reset()
+    for seed in (3, (1, 2, 3)):
+        samples = []
+        for _ in range(2):
+            env.action_space.seed(seed)
+            samples.append([env.action_space.sample() for _ in range(5)])
+        assert samples[0] == samples[1]
+    env.close()
+
+
 def test_a_scenario_file() -> None:
     with pytest.raises(sp.errors.InvalidRequest, match="map_file"):
         gymnasium.make("smaclite/custom-v0")

@@ -253,10 +253,19 @@ def test_an_attached_pool_plays_the_same(serve: Serve) -> None:
     embedded, _, _ = begun(3)
     attached, _, _ = begun(3, map_name=None, pool="train")
     assert torch.equal(embedded.run()["state"], attached.run()["state"])
-    with pytest.raises(sp.errors.InvalidRequest, match="--batch-size 1 --autoreset-mode Disabled"):
-        PoolRunner(args_of(3, pool="other"), Log())
     embedded.close_env()
     attached.close_env()
+    for options, match in (
+        ({"pool": "other"}, "--batch-size 1 --autoreset-mode Disabled"),
+        ({"pool": "train", "map_name": "MMM2"}, "serve MMM2:3 --episode-limit 180 --batch-size 1"),
+        ({"pool": "train", "time_limit": 150, "episode_limit": 20}, "the same limit"),
+        ({"pool": "train", "time_limit": 20}, "serve 3s_vs_5z:3 --episode-limit 20"),
+        ({"pool": "train", "threads": 1}, "its own threads"),
+    ):
+        with pytest.raises(sp.errors.InvalidRequest, match=match):
+            PoolRunner(args_of(3, **options), Log())
+    with pytest.raises(sp.errors.InvalidRequest, match="episode_limit"):
+        PoolRunner(args_of(3, time_limit=0), Log())
 
 
 def test_settings_that_cannot_be_served_are_refused() -> None:

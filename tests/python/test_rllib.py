@@ -217,6 +217,10 @@ def test_a_seed_that_is_no_integer_is_named() -> None:
         BattleMultiAgentEnv({"seed": "a"})
     with pytest.raises(sp.errors.InvalidRequest, match=re.escape("env_config['seed'] must not be negative")):
         BattleMultiAgentEnv({"seed": -1})
+    with pytest.raises(
+        TypeError, match=r"env_config\(\) got an unexpected keyword argument 'render_mod'; did you"
+    ):
+        BattleMultiAgentEnv({"render_mod": None})
 
 
 def test_ppo_learns_with_masks(runtime_dir: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -372,11 +372,19 @@ def test_an_illegal_action_steps_nothing() -> None:
     with pytest.raises(sp.errors.IllegalAction) as caught:
         env.step([1, 1, 0, 1, 1])  # no-op is for dead agents
     assert (caught.value.agent, caught.value.action) == (2, 0)
-    for wrong in ([1, 1, 1.5, 1, 1], [1, 1, 1, 1]):
+    wrong_actions: list[Any] = [
+        [1, 1, 1.5, 1, 1],
+        [1, 1, 1, 1],
+        [1, 1, None, 1, 1],
+        [1, 1, np.nan, 1, 1],
+        np.ones((5, 2), int),
+    ]
+    for wrong in wrong_actions:
         with pytest.raises(sp.errors.InvalidRequest):
             env.step(wrong)
     np.testing.assert_array_equal(env.get_state(), before)
     env.step([1.0, np.int64(1), np.float32(1), True, 1])
+    env.step(np.ones((5, 1), int))
     env.close()
 
 

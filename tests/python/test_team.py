@@ -269,8 +269,10 @@ def test_a_team_is_trained_on_a_running_pool(serve: Serve, tmp_path: Path) -> No
 
 
 LEARNER = """
-import sys, time
+import signal, sys, time
 import smaclite_pool as sp
+
+signal.signal(signal.SIGINT, signal.default_int_handler)  # SIGINT is ignored in background jobs of a script
 
 def show(record):
     print(record["update"], flush=True)

@@ -197,6 +197,8 @@ def test_settings_that_do_not_fit_are_refused_and_leave_no_pool() -> None:
 
 def test_a_reset_takes_a_seed_and_nothing_else() -> None:
     """`reset(seed=3)` was ignored, as any other argument."""
+    with pytest.raises(TypeError, match="did you mean `device`"):
+        PoolEnv("3m", devise="cpu")
     with closing(PoolEnv("terran_5_vs_5", 3)) as env:
         wrapped = TransformedEnv(env, RewardSum())
         first = env.reset(seed=3)["state"]

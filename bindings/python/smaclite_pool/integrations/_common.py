@@ -92,8 +92,12 @@ def check_keywords(
     The error lists what is accepted, without the settings of `make` that are `refused` later. Raises
     InvalidRequest for several lanes, which are several environments to learners.
     """
-    parameters = inspect.signature(made_by).parameters.values()
-    own = [parameter.name for parameter in parameters if parameter.kind is not parameter.VAR_KEYWORD]
+    # Metaclasses, such as TorchRL's, hide the arguments of a class.
+    is_class = isinstance(made_by, type)
+    parameters = list(inspect.signature(made_by.__init__ if is_class else made_by).parameters.values())
+    own = [
+        parameter.name for parameter in parameters[is_class:] if parameter.kind is not parameter.VAR_KEYWORD
+    ]
     check_settings(made_by.__name__, dict(settings), own, ["lanes", *refused])
     if "lanes" in settings:
         raise InvalidRequest("`lanes` is for smaclite_pool.make alone; remove it")

@@ -69,6 +69,8 @@ class _SamplesAvailable:
         """Seed the space and the sampler of available actions."""
         if isinstance(seed, int):
             self._envs.seed_sampler(seed)
+        elif isinstance(seed, Sequence):  # a seed per agent
+            self._envs.seed_sampler(int(np.random.SeedSequence(list(seed)).generate_state(1, np.uint64)[0]))
         return super().seed(seed)  # type: ignore[misc] # of the space that follows in the order of bases
 
 

@@ -17,8 +17,9 @@
 
 Nothing is copied on the CPU. JAX's arrays are immutable, so the shared memory cannot be overwritten; a jitted
 function with `donate_argnums` does not reuse it either, as JAX does not own it. An array keeps its batch
-alive, also while a computation over it is running. A lane limits the batches held at once to
-`max_held_batches`, so `.copy()` what you keep longer.
+alive, also while a computation over it is running, and JAX releases it a step later than NumPy. A lane
+limits the batches held at once to `max_held_batches` (at least 3 for such a loop), so `.copy()` what you keep
+longer.
 
 On a GPU, copy the fields of the batch directly: `jax.device_put(batch.obs, jax.devices("gpu")[0])`.
 """

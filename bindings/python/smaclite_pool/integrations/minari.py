@@ -84,13 +84,21 @@ def export(file: str | PathLike[str], out: str | PathLike[str], uid: str) -> Pat
     PoolError and OSError as `Dataset`.
     """
     with extra("minari"):  # here, so that the command prints no traceback without it
-        import h5py  # noqa: F401  # Minari needs it for its files, and imports it late
+        # Minari needs them for its files, and imports them late.
+        import h5py  # noqa: F401
+        import PIL.Image  # noqa: F401
         from minari import create_dataset_from_buffers
         from minari.data_collector import EpisodeBuffer
+        from minari.dataset.minari_dataset import parse_dataset_id
 
     root = Path(out).resolve()
-    if not re.fullmatch(r"([\w-]+/)*[\w-]+-v\d+", uid):
-        raise InvalidRequest(f"the id must be like smaclite/3m/good-v0, got `{uid}`")
+    try:
+        if not re.fullmatch(r"([\w-]+/)*[\w-]+-v\d+", uid):
+            raise ValueError
+        parse_dataset_id(uid)
+    except ValueError as error:
+        why = f": {error}" if error.args else ""
+        raise InvalidRequest(f"the id must be like smaclite/3m/good-v0, got `{uid}`{why}") from None
     if (root / uid).exists():
         raise InvalidRequest(f"`{root / uid}` exists; choose another id, such as a higher version")
     dataset = Dataset(file)

@@ -44,9 +44,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._layout import Bounds
+from .._native import check_settings
 from .._render import RENDER_FPS, RENDER_MODES, BattleViewer, check_render_mode, check_render_speed
 from .._requirements import require_integer
-from ._common import SingleBattle, TimeStep
+from ._common import FIXED_SETTINGS, SingleBattle, TimeStep
 from ._extra import extra
 
 with extra("rllib"):
@@ -92,6 +93,7 @@ class BattleMultiAgentEnv(MultiAgentEnv):
             seed = require_integer("env_config['seed']", settings["seed"], 0)
             settings["seed"] = seed + SEEDS_PER_RUNNER * getattr(config, "worker_index", 0) + _index(config)
         self.metadata = {"render_modes": list(RENDER_MODES), "render_fps": RENDER_FPS}  # RLlib adds to it
+        check_settings("env_config", settings, ["scenario", "render_mode", "render_speed"], [*FIXED_SETTINGS])
         scenario = settings.pop("scenario")
         self.render_mode: str | None = settings.pop("render_mode", "rgb_array")
         speed: float | None = settings.pop("render_speed", 1.0)

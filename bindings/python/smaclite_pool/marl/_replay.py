@@ -11,7 +11,7 @@ from .._native import Recorder
 def save_replay(recorder: Recorder, folder: str, prefix: str) -> Path:
     """Write `<prefix>_<time>.smreplay` with the last episodes, where time is in ns, and return its path.
 
-    Raises InvalidRequest before the first reset.
+    Raises InvalidRequest before the first step.
     """
     path = Path(folder) / f"{prefix}_{time.time_ns()}.smreplay"
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -15,7 +15,8 @@ The runner does the same as EPyMARL's parallel runner with `batch_size_run` envi
 `seed`, `seed + 1` and so on: the same episodes for the same actions, the same batches, the same log.
 Observations are copied from shared memory into the tensors of the batch.
 
-Keys of `env_args` are those of `config/envs/smaclite.yaml` and a few more:
+Keys of `env_args` are those of EPyMARL's `src/config/envs/smaclite.yaml` and a few more. The command line
+takes only keys that the file has, so write the others into it first (`pool: null` under `env_args`):
 
 - `map_name`: a standard scenario or the path of a scenario file.
 - `seed`: environment i is seeded with seed + i; without one, with a random seed.
@@ -23,8 +24,9 @@ Keys of `env_args` are those of `config/envs/smaclite.yaml` and a few more:
 - `continuing_episode`: an episode that reaches its limit is not stored as terminated (an option of SMAC),
   default False.
 - `state_last_action`: the state contains the last actions, default True.
-- `pool`, `lane`: attach to a running pool instead of starting one. Start it with
-  `smaclite-pool serve MMM2:10 --batch-size 1 --autoreset-mode Disabled --name train`.
+- `pool`, `lane`: attach to a running pool instead of starting one. `map_name`, if it is set, and the limit
+  must be those of the pool. Start it with `smaclite-pool serve MMM2:10 --episode-limit 180 --batch-size 1
+  --autoreset-mode Disabled --name train`.
 - `threads`: worker threads of a pool that this runner starts.
 - `reward_sparse`, `reward_win` and SMAC's other reward options: what agents are rewarded for; a running pool
   has its own.
@@ -303,7 +305,7 @@ def _checked(env_args: Mapping[str, Any]) -> Mapping[str, Any]:
 
 def _attached(settings: Mapping[str, Any], num_envs: int) -> Envs:
     """Environments with batch size 1, since the episodes of a batch end at different times."""
-    limit: int | Literal["default"] = settings.get("time_limit") or settings.get("episode_limit") or "default"
+    limit = _limit(settings)
     if settings.get("pool") is None:
         return make(
             settings["map_name"],
@@ -317,14 +319,35 @@ def _attached(settings: Mapping[str, Any], num_envs: int) -> Envs:
         )
     if changed := changed_rewards(settings):
         raise InvalidRequest(f"a running pool has its own rewards; remove {', '.join(changed)} from env_args")
+    if settings.get("threads") is not None:
+        raise InvalidRequest("a running pool has its own threads; remove `threads` from env_args")
+    wanted = settings.get("map_name")
+    told = None if wanted is None else scenario(wanted)
     envs = connect(settings["pool"], settings.get("lane"), timeout=10)
-    served = (envs.spec.num_envs, envs.spec.batch_size, envs.spec.autoreset_mode)
-    if served != (num_envs, 1, "Disabled"):
-        pool, scenario = envs.spec.pool, envs.spec.scenario
+    spec = envs.spec
+    name, steps = (
+        (spec.scenario, spec.episode_limit) if told is None else (told["name"], told["episode_limit"])
+    )
+    if limit != "default":
+        steps = limit
+    served = (spec.scenario, spec.num_envs, spec.episode_limit, spec.batch_size, spec.autoreset_mode)
+    if served != (name, num_envs, steps, 1, "Disabled"):
         envs.close()
+        option = "" if steps is None else f" --episode-limit {steps}"
         raise InvalidRequest(
-            f"num_envs, batch_size and autoreset_mode of pool `{pool}` are {served}; this runner needs "
-            f"`smaclite-pool serve {scenario}:{num_envs} --batch-size 1 --autoreset-mode Disabled "
-            f"--name {pool}`"
+            "scenario, num_envs, episode_limit, batch_size and autoreset_mode of pool "
+            f"`{spec.pool}` are {served}; this runner needs `smaclite-pool serve "
+            f"{wanted or name}:{num_envs}{option} --batch-size 1 --autoreset-mode Disabled "
+            f"--name {spec.pool}`, or other values of `map_name`, `batch_size_run` and `time_limit`"
         )
     return envs
+
+
+def _limit(settings: Mapping[str, Any]) -> int | Literal["default"]:
+    given = {
+        name: settings[name] for name in ("time_limit", "episode_limit") if settings.get(name) is not None
+    }
+    if len({*given.values()}) > 1:
+        raise InvalidRequest(f"time_limit and episode_limit are the same limit, got {given}; remove one")
+    limits: list[int] = list(given.values())
+    return limits[0] if limits else "default"

@@ -35,7 +35,8 @@ impl Interface {
     }
 
     /// Which units each agent sees whatever else it may see: u8 0 or 1, `[n_agents, n_agents + n_enemies]`.
-    /// Whether two agents see each other depends on the sight of the one with the lower number.
+    /// In the published code, whether two agents see each other depends on the sight of the one with the lower
+    /// number.
     ///
     /// # Panics
     /// If `out` has another size.
@@ -44,13 +45,10 @@ impl Interface {
         assert_eq!(out.len(), self.n_agents * n_units, "one byte per agent and unit");
         out.fill(0);
         for agent in (0..self.n_agents).filter(|agent| frame.is_alive(*agent)) {
-            for unit in (agent + 1..n_units).filter(|unit| frame.is_alive(*unit)) {
-                if frame.distance(agent, unit) < self.kind(frame, agent).sight {
-                    out[agent * n_units + unit] = 1;
-                    if unit < self.n_agents {
-                        out[unit * n_units + agent] = 1;
-                    }
-                }
+            for unit in (0..n_units).filter(|unit| *unit != agent && frame.is_alive(*unit)) {
+                let judge = if self.options.published && unit < agent { unit } else { agent };
+                let sees = frame.distance(agent, unit) < self.kind(frame, judge).sight;
+                out[agent * n_units + unit] = u8::from(sees);
             }
         }
     }

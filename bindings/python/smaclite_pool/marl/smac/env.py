@@ -235,9 +235,14 @@ class MultiAgentEnv(Queries, Details):
                 for agent, action in enumerate(chosen):
                     cast(Any, actions)[agent] = action
             return chosen
-        chosen = [int(action) for action in actions]
-        if any(whole != given for whole, given in zip(chosen, actions, strict=True)):
-            raise InvalidRequest(f"actions must be integers, one per agent, got {list(actions)}")
+        try:
+            # Some learners pass arrays of one number each, which newer versions of NumPy do not convert.
+            given = [action.item() if hasattr(action, "item") else action for action in actions]
+            chosen = [int(action) for action in given]
+        except (TypeError, ValueError, OverflowError, RuntimeError):
+            given, chosen = list(actions), []
+        if chosen != given:
+            raise InvalidRequest(f"actions must be integers, one per agent, got {given}")
         return chosen
 
     def _update(self, now: TimeStep) -> None:
