@@ -5,8 +5,10 @@ use std::path::Path;
 use std::sync::Arc;
 
 use glam::Vec2;
-use smaclite_engine::policy::Random;
-use smaclite_engine::{Arena, Battle, ExecutionOrder, Rules, Scratch, Snapshot, Units, action};
+use smaclite_engine::policy::{Random, Tactic};
+use smaclite_engine::{
+    Arena, Battle, ExecutionOrder, NeighbourOrder, Opponent, Rules, Scratch, Snapshot, Units, action,
+};
 use smaclite_scenarios::{Faction, Placement, Scenario};
 use smaclite_units::{Plane, UnitType};
 
@@ -332,6 +334,58 @@ fn other_rules_take_no_notice_of_the_keys_of_starcraft() {
         assert_eq!(end(keys, rules), end("", rules));
     }
     assert_ne!(end(keys, Rules::Starcraft), end("", Rules::Starcraft));
+}
+
+/// Each hit of a beam was a whole attack, so that three were nine.
+#[test]
+fn a_beam_that_hits_several_times_hits_once_each_time() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let write = |name: &str, keys: &str| {
+        let text = format!(
+            r#"{{ "hp": 1000, "armor": 0, "damage": 1, "speed": 0, "attack_range": 6, "cooldown": 1.5,
+                "minimum_scan_range": 0, "size": 1, "valid_targets": ["GROUND"], "attributes": []{keys} }}"#
+        );
+        std::fs::write(folder.path().join(name), text).expect("a file");
+    };
+    let beam = r#", "attacks": 3, "targeter": "LASER_BEAM", "targeter_kwargs": { "width": 1, "height": 1 }"#;
+    write("target.json", "");
+    write("at_once.json", beam);
+    write("apart.json", &format!(r#"{beam}, "hit_interval": 0.125"#));
+    for unit in ["at_once", "apart"] {
+        let json = format!(
+            r#"{{ "name": "beam", "num_allied_units": 1, "num_enemy_units": 1, "groups": [
+                {{ "x": 10, "y": 16, "faction": "ALLY", "units": {{ "{unit}": 1 }} }},
+                {{ "x": 14, "y": 16, "faction": "ENEMY", "units": {{ "target": 1 }} }} ],
+                "custom_unit_path": ".", "terrain_preset": "SIMPLE", "attack_point": [9, 16],
+                "num_unit_types": 0, "ally_has_shields": false, "enemy_has_shields": false }}"#
+        );
+        let scenario = Scenario::from_json(&json, "beam", folder.path()).expect("a valid scenario");
+        let mut battle = Battle::new(Arc::new(Arena::new(&scenario, Rules::Starcraft)), 1);
+        for _ in 0..2 {
+            battle.step(&[TARGET], &mut Scratch::new()).expect("available actions are legal");
+        }
+        assert_eq!(battle.units().hp[1], 997.0, "{unit}");
+    }
+}
+
+/// Enemies that a script led on marched to the corner of the map, if something else had begun to play them.
+#[test]
+fn a_script_that_goes_on_leads_the_enemies_to_the_attack_point() {
+    let mut field = Field::new(r#""MARINE": 1"#, r#""MARINE": 2"#).place(0, 2.0, 2.0);
+    field.snapshot.units.pos[0] = Vec2::new(2.0, 2.0);
+    field.snapshot.opponent = Opponent::Scripted(Tactic::Hold);
+    field.battle.restore(&field.snapshot).expect("a snapshot of this battle");
+    field.play(&[STOP]);
+    let (mut snapshot, arena) = (field.battle.save(), field.battle.arena().clone());
+    snapshot.units.alive[2] = false;
+    snapshot.units.hp[2] = 0.0;
+    snapshot.neighbour_order = NeighbourOrder::new(&arena, &snapshot.types, &snapshot.units);
+    snapshot.play_on(&arena, Opponent::AttackMove);
+    field.battle.restore(&snapshot).expect("a snapshot of this battle");
+    assert_eq!(field.battle.units().phases[1].goal, Vec2::new(9.0, 16.0));
+    let before = field.battle.units().pos[1];
+    let after = field.play(&[STOP])[7].pos[1];
+    assert!((before - after).x > 1.0 && (before - after).y.abs() < 0.2, "{before} became {after}");
 }
 
 /// Pairs of units of one number, of which one starts where the other does after half a turn of the map.

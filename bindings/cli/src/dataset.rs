@@ -5,6 +5,7 @@ use super::bench::this_program::python_interpreter;
 use super::{CommandResult, THREADS, completions};
 use crate::check::warn_of;
 use crate::number::{count, seed};
+use crate::opponent::scripts;
 use crate::process::interrupt_flag;
 use crate::table::Table;
 use clap::{Args, Subcommand, ValueEnum};
@@ -74,7 +75,7 @@ struct Record {
     /// Who plays the enemies: attack_move, attack_nearest or a scripted policy; or several with weights, such
     /// as attack_move=0.5,focus_fire=0.5, of which each episode draws one [default: the scripts of the
     /// training, or attack_move if a team played them; the scenario's own for a scripted policy]
-    #[arg(long, value_name = "NAME|WEIGHTS")]
+    #[arg(long, value_name = "NAME|WEIGHTS", value_parser = scripts)]
     opponent: Option<Opponents>,
     /// Episode i is seeded with SEED + i; actions are drawn from the seed too
     #[arg(long, default_value_t = 0, value_parser = seed())]

@@ -25,7 +25,10 @@ pub(super) enum OpponentOption {
 pub(super) enum OpponentOptionError {
     #[error("{0}; and there is no folder of that name with a run")]
     Neither(OpponentsError),
-    #[error("`learner` is no opponent of a team; choose a script, the folder of a run, `self` or `league`")]
+    #[error(
+        "`learner` is no opponent of a team; choose a script, the folder of a run or, in training, `self` or \
+         `league`"
+    )]
     Learner,
 }
 
@@ -45,6 +48,13 @@ impl FromStr for OpponentOption {
             Err(error) => Err(OpponentOptionError::Neither(error)),
         }
     }
+}
+
+/// Scripts, for battles in which nothing else plays the enemies.
+pub(super) fn scripts(text: &str) -> Result<Opponents, OpponentsError> {
+    let opponents: Opponents = text.parse()?;
+    opponents.check(Sides::Allies)?;
+    Ok(opponents)
 }
 
 /// Says that a team which is to play the enemies was trained with other rules than those of the battles.

@@ -5,6 +5,7 @@ use super::snapshot::SavedBattle;
 use super::{CommandResult, completions, replay, runtime_dir};
 use crate::check::warn_of;
 use crate::number::{count, seed};
+use crate::opponent::scripts;
 use clap::Args;
 use smaclite_engine::policy::{Scripted, UnknownPolicy};
 use smaclite_engine::{BattleSetup, Generator, Opponent, Opponents, Rules, Sides, Snapshot};
@@ -51,7 +52,7 @@ pub(super) struct Record {
     policy: String,
     /// Who plays the enemies: attack_move, attack_nearest or a scripted policy; or several with weights, such
     /// as attack_move=0.5,focus_fire=0.5, of which each episode draws one [default: the scenario's own]
-    #[arg(long, conflicts_with = "pool", value_name = "NAME|WEIGHTS")]
+    #[arg(long, conflicts_with = "pool", value_name = "NAME|WEIGHTS", value_parser = scripts)]
     opponent: Option<Opponents>,
     /// Number of complete episodes, 1 to 10000
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = count(1..=10_000))]
@@ -140,7 +141,6 @@ impl Record {
             None if saved.snapshot.opponent == Opponent::Learner => own(),
             None => return Ok(saved),
         };
-        opponents.check(Sides::Allies)?;
         match opponents.weights() {
             [(opponent, _)] => Ok(saved.against(*opponent)?),
             _ => Err("--opponent must be one opponent beside --from, not several".into()),

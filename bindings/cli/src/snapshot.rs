@@ -80,9 +80,7 @@ impl SavedBattle {
         let SavedBattle { setup, scenario, mut snapshot, .. } = self;
         let setup = BattleSetup { opponents: opponent.into(), sides: Sides::Allies, ..setup };
         let (_, arena) = setup.arena().map_err(ScenarioError::from)?;
-        snapshot.opponent = opponent;
-        // No joint action of one side plays enemies.
-        snapshot.last_actions[scenario.n_agents()..].fill(None);
+        snapshot.play_on(&arena, opponent);
         Ok(SavedBattle { setup, scenario, arena, snapshot })
     }
 

@@ -60,6 +60,11 @@ impl Opponent {
         Opponent::ALL.into_iter().filter(|opponent| *opponent != Opponent::Learner)
     }
 
+    /// Whether it sends the enemies to the attack point or to the agents, and they choose targets by themselves.
+    pub(crate) fn marches(self) -> bool {
+        matches!(self, Opponent::AttackMove | Opponent::AttackNearest)
+    }
+
     /// The opponent of that name.
     ///
     /// # Errors

@@ -5,14 +5,17 @@ use smaclite_scenarios::{Destination, Faction};
 
 use super::Battle;
 use crate::SIGHT_RANGE;
+use crate::arena::Arena;
 use crate::buffers::refill;
 use crate::command::{Command, action};
 use crate::distance::{distance_squared, square_within};
 use crate::opponents::Opponent;
 use crate::policy::{EnemySituation, Tactic};
+use crate::random::Generator;
 use crate::rules::Rules;
 use crate::scratch::{EnemyScratch, Scratch};
 use crate::tick::starcraft;
+use crate::units::Units;
 
 impl Battle {
     /// Sets the commands of all units for the whole step: the destination of a move is fixed here, once.
@@ -23,9 +26,8 @@ impl Battle {
         } else {
             self.play_actions(Faction::Ally, false, scratch);
         }
-        let marches = matches!(self.opponent, Opponent::AttackMove | Opponent::AttackNearest);
-        if self.arena.rules == Rules::Starcraft && marches && self.episode_length == 0 {
-            self.begin_march();
+        if self.arena.rules == Rules::Starcraft && self.opponent.marches() && self.episode_length == 0 {
+            begin_march(&self.arena, &mut self.units, &mut self.generator);
         }
         let arena = &*self.arena;
         match self.opponent {
@@ -66,28 +68,6 @@ impl Battle {
                 let action = self.last_actions[agent].map_or(action::NO_OP, |action| action as usize);
                 scratch.tick.command(id, perceiver.command(interface, arena, agent, action, generator));
             }
-        }
-    }
-
-    /// Sets where the enemies march to, in the formation in which they begin: as far from the attack point as
-    /// they are from the middle of all enemies; and when each of them first looks for targets.
-    fn begin_march(&mut self) {
-        let arena = &*self.arena;
-        let starts = || arena.enemies.iter().map(|&id| self.units.pos[id as usize].as_dvec2());
-        let middle = starts().sum::<DVec2>() / arena.enemies.len() as f64;
-        let point = match arena.march_to {
-            Some(Destination::Line(ends)) => {
-                let [from, to] = ends.map(DVec2::from);
-                from.lerp(to, self.generator.next_share())
-            }
-            _ => DVec2::from(arena.attack_point),
-        };
-        let to_point = point - middle;
-        for &id in &arena.enemies {
-            let goal = (self.units.pos[id as usize].as_dvec2() + to_point).as_vec2();
-            let phase = &mut self.units.phases[id as usize];
-            phase.goal = arena.extent.nearest(goal);
-            phase.look = starcraft::first_look(&mut self.generator);
         }
     }
 
@@ -132,5 +112,26 @@ impl Battle {
             }
         }
         self.generator = generator;
+    }
+}
+
+/// Sets where the enemies march to, in the formation in which they stand: as far from the attack point as
+/// they are from the middle of the living ones; and when each of them first looks for targets.
+pub(crate) fn begin_march(arena: &Arena, units: &mut Units, generator: &mut Generator) {
+    let living = || arena.enemies.iter().map(|&id| id as usize).filter(|&i| units.alive[i]);
+    let middle = living().map(|i| units.pos[i].as_dvec2()).sum::<DVec2>() / living().count().max(1) as f64;
+    let point = match arena.march_to {
+        Some(Destination::Line(ends)) => {
+            let [from, to] = ends.map(DVec2::from);
+            from.lerp(to, generator.next_share())
+        }
+        _ => DVec2::from(arena.attack_point),
+    };
+    let to_point = point - middle;
+    for &id in &arena.enemies {
+        let goal = (units.pos[id as usize].as_dvec2() + to_point).as_vec2();
+        let phase = &mut units.phases[id as usize];
+        phase.goal = arena.extent.nearest(goal);
+        phase.look = starcraft::first_look(generator);
     }
 }

@@ -10,6 +10,8 @@ mod outputs;
 mod perceiver;
 mod rewards;
 
+pub(crate) use commands::begin_march;
+
 use std::sync::Arc;
 
 use crate::arena::Arena;

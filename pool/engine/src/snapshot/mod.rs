@@ -14,6 +14,7 @@ pub use columns::{COLUMN_COUNT, COLUMNS, Column, ColumnAxis, ColumnSpec, ColumnT
 pub use record::{RECORD_VERSION, RecordLayout, RecordSizes};
 
 use crate::arena::Arena;
+use crate::battle::begin_march;
 use crate::neighbour_order::{NeighbourOrder, PlaneOrder};
 use crate::opponents::Opponent;
 use crate::random::Generator;
@@ -50,6 +51,19 @@ pub struct Snapshot {
     /// What the agents perceived through SMACv2's interface; empty without it. Only the engine gives its
     /// words a meaning.
     pub perception: Vec<u64>,
+}
+
+impl Snapshot {
+    /// Lets a script play the enemies from now on. `arena` is that of its battle.
+    pub fn play_on(&mut self, arena: &Arena, script: Opponent) {
+        // Enemies begin to march in the first step of an episode, which was played by something else.
+        let begins = script.marches() && !self.opponent.marches() && self.episode_length > 0;
+        if arena.rules == Rules::Starcraft && begins {
+            begin_march(arena, &mut self.units, &mut self.generator);
+        }
+        self.opponent = script;
+        self.last_actions[arena.agents.len()..].fill(None); // no joint action plays enemies
+    }
 }
 
 /// Why a snapshot cannot be restored into a battle; the battle is unchanged.

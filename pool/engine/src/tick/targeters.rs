@@ -17,7 +17,8 @@ pub(super) fn act(world: &mut World, id: u32, target: u32, earned: &mut Earned) 
         Targeter::Kamikaze { radius } => explode(world, id, radius, earned),
         Targeter::LaserBeam { width, height } => {
             let centre = world.units.pos[target as usize];
-            earned.add(side, fire_laser_at(world, id, centre, width, height));
+            let attacks = world.arena.stats(id).attacks;
+            earned.add(side, fire_laser_at(world, id, centre, [width, height], attacks));
         }
         Targeter::Heal => heal(world, id, target),
     }
@@ -25,15 +26,18 @@ pub(super) fn act(world: &mut World, id: u32, target: u32, earned: &mut Earned) 
 
 /// So many hits on a unit.
 pub(super) fn strike(world: &mut World, id: u32, victim: u32, hits: u32, earned: &mut Earned) {
-    let damage = world.arena.matchup(id, victim).damage;
-    let dealt = (0..hits).map(|_| hit(world, id, damage, victim)).sum();
+    let dealt = hits_on(world, id, victim, hits);
     earned.add(world.arena.faction(id), dealt);
 }
 
 /// All hits of one attack; some units hit more than once.
 fn attack(world: &mut World, id: u32, victim: u32) -> f64 {
+    hits_on(world, id, victim, world.arena.stats(id).attacks)
+}
+
+fn hits_on(world: &mut World, id: u32, victim: u32, hits: u32) -> f64 {
     let damage = world.arena.matchup(id, victim).damage;
-    (0..world.arena.stats(id).attacks).map(|_| hit(world, id, damage, victim)).sum()
+    (0..hits).map(|_| hit(world, id, damage, victim)).sum()
 }
 
 /// One hit. The shield absorbs the damage first, without armor; armor reduces the rest, and health absorbs
@@ -91,9 +95,9 @@ fn explode(world: &mut World, id: u32, radius: f64, earned: &mut Earned) {
 }
 
 /// LASER_BEAM: hits every unit of the other faction, whatever its plane, whose circle touches a rectangle
-/// that lies across the line of fire, centred on the target.
-pub(super) fn fire_laser_at(world: &mut World, id: u32, centre: Vec2, width: f64, height: f64) -> f64 {
-    let arena = world.arena;
+/// that lies across the line of fire, centred on the target; so many hits on each.
+pub(super) fn fire_laser_at(world: &mut World, id: u32, centre: Vec2, size: [f64; 2], hits: u32) -> f64 {
+    let (arena, [width, height]) = (world.arena, size);
     let beam = Beam::new(world.units.pos[id as usize], centre, width, height);
     // Half the diagonal of the rectangle; the radius of the victim is not added. The search uses positions at
     // the start of the tick, the hit current ones, as in `explode`.
@@ -104,7 +108,7 @@ pub(super) fn fire_laser_at(world: &mut World, id: u32, centre: Vec2, width: f64
         let is_found =
             distance_squared(centre, world.scratch.start[victim as usize]) <= search_radius_squared;
         if is_found && beam.touches(world.units.pos[victim as usize], arena.stats(victim).radius) {
-            earned += attack(world, id, victim);
+            earned += hits_on(world, id, victim, hits);
         }
     }
     earned

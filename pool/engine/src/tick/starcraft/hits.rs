@@ -42,10 +42,11 @@ pub(super) fn hit(world: &mut World, id: u32, earned: &mut Earned) {
     phase.hits -= 1;
     phase.hit_time = conduct.hit_interval;
     let (at, Some(target)) = (phase.hit_at, phase.hit_target) else { return };
+    let attacks = if conduct.hit_interval > 0.0 { 1 } else { stats.attacks };
     match stats.targeter {
         Targeter::LaserBeam { width, height } => {
             let side = world.arena.faction(id);
-            earned.add(side, targeters::fire_laser_at(world, id, at, width, height));
+            earned.add(side, targeters::fire_laser_at(world, id, at, [width, height], attacks));
         }
         // A dead unit has exploded already, or does not.
         Targeter::Kamikaze { .. } if world.units.hp[i] > 0.0 => {
@@ -69,7 +70,7 @@ pub(super) fn hit(world: &mut World, id: u32, earned: &mut Earned) {
                 false => world.units.phases[i].hits = 0,
             }
         }
-        _ => targeters::strike(world, id, target, stats.attacks, earned),
+        _ => targeters::strike(world, id, target, attacks, earned),
     }
 }
 
