@@ -49,9 +49,9 @@ pub struct Embedded {
 ///
 /// `timeout` is a number of seconds, at least 0; None means no limit. Ctrl-C interrupts every wait. After
 /// Timeout or KeyboardInterrupt the batch is still being computed, or there: call `recv` to get it, or
-/// `reset` to discard it; so does the next request of a synchronous lane, if the batch is there. A reset
-/// with snapshots of a lane that was not reset before, or with a list of seeds, is of several requests: if it
-/// ends before the last is sent, only a reset of all environments can follow.
+/// `reset` to discard it; where Ctrl-C came with the batch, the next request of a synchronous lane discards
+/// it, too. A reset with snapshots of a lane that was not reset before, or with a list of seeds, is of
+/// several requests: if it ends before the last is sent, only a reset of all environments can follow.
 ///
 /// Only one thread may call these environments at a time; a concurrent call raises Busy. After a fork, calls
 /// in the child raise Forked; calls after `close` raise Closed.
@@ -168,9 +168,9 @@ impl Envs {
     ///         `snapshot` of this or another lane of the same scenario, rule set and `obs_last_actions`. The
     ///         lane needs the field (`make(..., fields=[..., "snapshot"])`). No step is made: rewards are 0,
     ///         and `was_reset` is true of all environments in the batch. Either all selected environments
-    ///         change, or none; a lane that was not reset before is reset first. With a seed, one integer,
-    ///         environment i continues with the execution orders of seed + i; without one, with those that
-    ///         would have been drawn.
+    ///         change, or none; a synchronous lane that was not reset before is reset first. With a seed, one
+    ///         integer, environment i continues with the execution orders of seed + i; without one, with
+    ///         those that would have been drawn.
     ///     timeout: seconds to wait for the batch; None for no limit.
     ///
     /// Raises:
@@ -247,7 +247,8 @@ impl Envs {
     ///
     /// Raises:
     ///     IllegalAction: an action is not available; no environment was stepped.
-    ///     InvalidRequest: an argument is invalid; no environment was stepped.
+    ///     InvalidRequest: an argument is invalid; no environment was stepped. Or, in an asynchronous lane,
+    ///         fewer than M results are outstanding with these; then the step is made.
     ///     TypeError: actions or environment ids are not integers; no environment was stepped.
     ///     Timeout: the batch did not arrive in time.
     ///     TooManyBatchesHeld: `max_held_batches` batches are in use.

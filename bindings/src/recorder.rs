@@ -56,6 +56,8 @@ impl RecordingToFile {
         path: PathBuf,
         interrupted: IsCancelled<'_>,
     ) -> Result<RecordingToFile, ConnectError> {
+        // The folder of the process may be another one at the end.
+        let path = std::path::absolute(&path).unwrap_or(path);
         let wait = WaitOptions::interrupted_by(interrupted);
         let recorder = PoolRecorder::connect(runtime_dir, pool, Some(lane), &[0], DEFAULT_EPISODES, wait)?;
         Ok(RecordingToFile { recorder: ProcessOwned::new(Some(recorder)), path })
@@ -124,7 +126,8 @@ pub fn check_replay_path(argument: &str, path: &Path) -> PyResult<()> {
 ///
 /// Raises:
 ///     NoSuchPool: no pool of that name is running.
-///     ConnectError: the pool has no such lane or environment, or too many followers.
+///     ConnectError: the pool has no such lane or environment, or too many followers, or none or more than 64
+///         environments are named.
 ///     InvalidRequest: another argument is invalid.
 #[pyclass(frozen, module = "smaclite_pool")]
 pub struct Recorder {

@@ -87,6 +87,9 @@ impl Spectator {
     }
 
     /// What never changes about the lane, as `Envs.spec`.
+    ///
+    /// Raises:
+    ///     Closed: the spectator is closed.
     #[getter]
     fn spec<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
         let description = self.lock().as_ref().ok_or_else(closed)?.spectator.description().clone();

@@ -51,8 +51,7 @@ use smaclite_pool::EpisodePart;
 ///
 /// # At the edges
 ///
-/// The first part begins with the present state, which may be in the middle of an episode. Lanes of
-/// environments other than battles cannot be followed: [`connect`](Follower::connect) is an error.
+/// The first part begins with the present state, which may be in the middle of an episode.
 pub struct Follower {
     connection: ProcessOwned<ControlClient>,
     description: LaneDescription,

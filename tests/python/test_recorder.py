@@ -135,6 +135,17 @@ def test_a_forked_child_writes_nothing(tmp_path: Path) -> None:
     assert "recorded for 10 steps" in episodes(path)[0]
 
 
+def test_a_recording_is_written_where_it_was_begun(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its path was that of the folder in which the environments were closed."""
+    (tmp_path / "other").mkdir()
+    monkeypatch.chdir(tmp_path)
+    with sp.make("3m", 1, seed=0, record="here.smreplay") as envs:
+        envs.reset(seed=1)
+        play(envs, 5)
+        monkeypatch.chdir("other")
+    assert (tmp_path / "here.smreplay").exists()
+
+
 def test_environments_without_an_episode_write_nothing(tmp_path: Path) -> None:
     sp.make("3m", 1, record=tmp_path / "none.smreplay").close()
     assert not list(tmp_path.iterdir())

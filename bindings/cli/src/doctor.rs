@@ -90,7 +90,7 @@ impl Report {
     fn print(&self) -> std::io::Result<()> {
         let variables = self.environment.iter().map(|(name, value)| (name.as_str(), value));
         for (name, value) in self.facts.iter().map(|(name, value)| (*name, value)).chain(variables) {
-            out!("{name:<17}{value}")?;
+            out!("{name:<16} {value}")?;
         }
         out!()?;
         for Check { name, error } in &self.checks {

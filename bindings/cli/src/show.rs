@@ -1,5 +1,6 @@
 //! `smaclite-pool show`: a scenario as a map of characters, or as a picture; all of them as a contact sheet.
 
+use super::number::{seed, whole};
 use super::picture::{Size, ThemeName, write_file};
 use super::snapshot::{SavedBattle, is_snapshot};
 use super::{CommandResult, completions};
@@ -24,12 +25,11 @@ pub(super) struct Show {
     /// Scenario of a snapshot [default: the standard scenario that it is of]
     #[arg(long = "scenario", value_name = "SCENARIO", add = completions::scenario())]
     of: Option<String>,
-    /// Show so many draws of the teams and start positions of a generated scenario [default: 1]
-    #[arg(long, value_name = "K", conflicts_with_all = ["all", "of"],
-        value_parser = clap::value_parser!(u16).range(1..=100))]
+    /// Show so many draws of the teams and start positions of a generated scenario, 1 to 100 [default: 1]
+    #[arg(long, value_name = "K", conflicts_with_all = ["all", "of"], value_parser = whole(1..=100_u16))]
     samples: Option<u16>,
     /// Seed of the first draw; each further one has the next [default: 0]
-    #[arg(long, conflicts_with_all = ["all", "of"])]
+    #[arg(long, conflicts_with_all = ["all", "of"], value_parser = seed())]
     seed: Option<u64>,
     /// Put all standard scenarios into one picture, each with its name
     #[arg(long, conflicts_with = "scenario", requires = "png")]

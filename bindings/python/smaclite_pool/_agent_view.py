@@ -326,6 +326,8 @@ def evaluate_function(
 
     Raises as `make`, `PerAgent` and `evaluate`.
     """
+    if "lanes" in options:
+        raise InvalidRequest("`lanes` is for smaclite_pool.make alone; remove it")
     num_envs = min(require_integer("episodes", episodes, 1), 64) if num_envs is None else num_envs
     with make(scenario, num_envs, seed=seed, **options) as envs:
         return evaluate(envs, PerAgent(envs, function), episodes, seed)
