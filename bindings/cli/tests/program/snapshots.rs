@@ -179,5 +179,14 @@ fn a_battle_of_two_learners_is_shown_and_goes_on_against_a_script() {
     assert_eq!(recorded(folder, "--opponent kite").episodes()[0].opponent.name(), "kite");
     let several = "record --from a.snapshot --opponent kite=1,random=1 --out b.smreplay";
     check_error(folder, several, 1, "--opponent must be one opponent beside --from");
-    check_error(folder, "record --from a.snapshot --opponent learner --out b.smreplay", 1, "learner");
+    // Without actions of their own, its enemies would stand still.
+    let to = "--out b.smreplay";
+    let recorders = [
+        format!("record --from a.snapshot {to}"),
+        format!("record 3m {to}"),
+        "dataset record hold --scenario 3m --out b.smdata".to_owned(),
+    ];
+    for record in recorders {
+        check_error(folder, &format!("{record} --opponent learner"), 2, "`learner` needs sides `both`");
+    }
 }
