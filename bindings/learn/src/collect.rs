@@ -184,12 +184,13 @@ impl Rollout {
             }
         }
         if !league.is_played() {
-            let ended = ended_episodes(batch);
+            let ended = ended_episodes(batch, |_| None);
             self.episodes.extend(ended.map(|(_, episode)| Ended { episode, against: Against::Script }));
             return;
         }
         let players: Vec<Option<Player>> = players(batch, league, first_env).collect();
-        for (slot, episode) in ended_episodes(batch) {
+        let against_team = |slot: usize| players[slot].map(|_| sizes.n_agents);
+        for (slot, episode) in ended_episodes(batch, against_team) {
             let against = match players[slot] {
                 None => Against::Script,
                 Some(Player::Own) => Against::Own,
@@ -201,17 +202,25 @@ impl Rollout {
     }
 }
 
-/// The episodes that ended with this batch, with the slots.
-pub(crate) fn ended_episodes(batch: &Batch) -> impl Iterator<Item = (usize, Episode)> {
+/// The episodes that ended with this batch, with the slots. For an environment whose enemies are a team,
+/// `against_team` gives the number of agents: between teams, it is a draw if the last units of both die in
+/// the same step.
+pub(crate) fn ended_episodes(
+    batch: &Batch,
+    against_team: impl Fn(usize) -> Option<usize>,
+) -> impl Iterator<Item = (usize, Episode)> {
     let (returns, won) = (batch.field(Field::EpisodeReturn), batch.field::<u8>(Field::BattleWon));
-    let lengths = batch.field(Field::EpisodeLength);
+    let (lengths, dead) = (batch.field(Field::EpisodeLength), batch.field::<i32>(Field::DeadAllies));
+    let are_dead =
+        move |slot: usize, n_agents| dead.is_some_and(|dead| dead[slot].cast_unsigned() == n_agents);
     let ends = batch.terminated().iter().zip(batch.truncated()).enumerate();
     let ended = ends.filter(|(_, (terminated, truncated))| **terminated | **truncated != 0);
     ended.map(move |(slot, _)| {
+        let is_draw = against_team(slot).is_some_and(|n_agents| are_dead(slot, n_agents as u32));
         let episode = Episode {
             episode_return: returns.map_or(0.0, |returns| returns[slot]),
             length: lengths.map_or(0, |lengths| lengths[slot]),
-            won: won.is_some_and(|won| won[slot] != 0),
+            won: won.is_some_and(|won| won[slot] != 0) && !is_draw,
         };
         (slot, episode)
     })

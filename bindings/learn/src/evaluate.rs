@@ -161,7 +161,9 @@ pub fn evaluate(
     let choice = Choice::of(greedy);
     let mut actors: Vec<BothActors> = (0..lanes.count()).map(|_| BothActors::default()).collect();
     let (sizes, n_actors) = (lanes.sizes(), lanes.sizes().n_actors());
-    let mut tally = Tally { episodes, ended: vec![0; num_envs], counted: Vec::with_capacity(episodes) };
+    let counted = Vec::with_capacity(episodes);
+    let n_agents = evaluation.opponent_team.as_ref().map(|_| sizes.n_agents);
+    let mut tally = Tally { episodes, n_agents, ended: vec![0; num_envs], counted };
     let mut step = 0;
     while tally.counted.len() < episodes {
         if interrupted() {
@@ -193,6 +195,8 @@ pub fn evaluate(
 struct Tally {
     /// How many are to count.
     episodes: usize,
+    /// If a team plays the enemies.
+    n_agents: Option<usize>,
     ended: Vec<usize>,
     counted: Vec<Episode>,
 }
@@ -207,7 +211,7 @@ impl Tally {
 
     /// Adds the episodes that ended in a batch of the environments from `first_env` on.
     fn add_ended(&mut self, first_env: usize, batch: &Batch, on_event: &mut dyn FnMut(EvaluationEvent)) {
-        for (slot, episode) in ended_episodes(batch) {
+        for (slot, episode) in ended_episodes(batch, |_| self.n_agents) {
             let env_id = first_env + slot;
             let number = self.ended[env_id];
             if self.is_open(env_id) {

@@ -48,6 +48,8 @@ pub enum LaneError {
          actions in observations, are {expected}"
     )]
     OtherTeam { folder: String, given: String, scenario: String, last_actions: usize, expected: String },
+    #[error("lane `{lane}` is named twice")]
+    Twice { lane: String },
     #[error("lane `{lane}` plays sides `{given}`, but the run needs `{expected}`")]
     Sides { lane: String, given: &'static str, expected: &'static str },
     #[error(transparent)]

@@ -153,6 +153,10 @@ impl Lanes {
         names: &[String],
         interrupted: Interrupted<'_>,
     ) -> Result<Lanes, LaneError> {
+        let again = names.iter().enumerate().find(|(i, name)| names[..*i].contains(name));
+        if let Some((_, name)) = again {
+            return Err(LaneError::Twice { lane: name.clone() });
+        }
         let (scenario, arena) = setup.arena()?;
         let expected = BattleSetup { episode_limit: arena.episode_limit().into(), ..setup.clone() };
         let mut sizes = arena.sizes();

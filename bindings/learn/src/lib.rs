@@ -94,7 +94,9 @@ pub use policy::Choice;
 pub use ppo::{Diverged, UpdateStats};
 pub use rollout::Episode;
 pub use run::Run;
-pub use seeds::{OnSeedEvent, SeedEvent, Seeds, SeedsError, held_run, refuse_both, runs_in, seed_folder};
+pub use seeds::{
+    OnSeedEvent, SeedEvent, Seeds, SeedsError, check_seeds, held_run, refuse_both, runs_in, seed_folder,
+};
 pub use setups::{resolve_scenario, with_an_end};
 pub use team::Network;
 pub use tensors::{FileError, read as read_file};

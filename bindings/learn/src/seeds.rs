@@ -74,6 +74,12 @@ pub enum SeedEvent {
 /// Called by the threads of the runs, with the seed.
 pub type OnSeedEvent<'a> = dyn Fn(u64, SeedEvent) + Sync + 'a;
 
+/// Checks that there are so many seeds from the first on.
+pub fn check_seeds(seed: u64, count: u64) -> Result<(), SeedsError> {
+    let last = seed.checked_add(count.saturating_sub(1));
+    last.map(|_| ()).ok_or(SeedsError::TooHigh { seed, count })
+}
+
 impl Seeds {
     /// Begins `count` runs in a folder, with the seeds from that of `config` on. They make no update yet.
     ///
@@ -87,7 +93,8 @@ impl Seeds {
         setup: &BattleSetup,
         runtime_dir: &RuntimeDir,
     ) -> Result<Seeds, SeedsError> {
-        let seeds = (0..count).map(|i| config.seed.wrapping_add(i));
+        check_seeds(config.seed, count)?;
+        let seeds = (0..count).map(|i| config.seed + i);
         let runs: Vec<_> = seeds.map(|seed| (seed, seed_folder(folder, seed))).collect();
         if holds_run(folder)? {
             return Err(TrainError::FolderInUse(folder.display().to_string()).into());
@@ -135,8 +142,9 @@ impl Seeds {
         if last - first >= count {
             return Err(SeedsError::TooFew { folder, first, last, count });
         }
+        check_seeds(first, count)?;
         let RunDescription { config, setup, .. } = RunDescription::read(&model)?;
-        for seed in (0..count).map(|i| first.wrapping_add(i)) {
+        for seed in (0..count).map(|i| first + i) {
             if self.runs.iter().all(|(begun, _)| *begun != seed) {
                 let (path, config) = (seed_folder(&folder, seed), Config { seed, ..config.clone() });
                 let begun = begin(&path, Some(&model), config, &setup, runtime_dir);

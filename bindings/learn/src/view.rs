@@ -40,7 +40,7 @@ const FIELDS: [Field; 6] = [
 
 /// The fields that a team reads on lanes of these sides.
 pub(crate) fn fields_read(both_sides: bool) -> impl Iterator<Item = Field> {
-    let of_enemies = fields_of(Faction::Enemy).into_iter().chain([Field::Opponent]);
+    let of_enemies = fields_of(Faction::Enemy).into_iter().chain([Field::Opponent, Field::DeadAllies]);
     FIELDS.into_iter().chain(of_enemies.filter(move |_| both_sides))
 }
 

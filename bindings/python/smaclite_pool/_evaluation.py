@@ -97,8 +97,8 @@ def evaluate(
             needs the field `dead_allies`.
 
     Raises:
-        InvalidRequest: `episodes` is below 1, the environments have no autoreset, or their actions do not
-            play the sides of these policies.
+        InvalidRequest: `episodes` is below 1, the environments have no autoreset or no episode limit, or
+            their actions do not play the sides of these policies.
         TypeError: an argument has the wrong type.
         AttributeError: the lane omits a field.
         IllegalAction: the policy chose an action that is not available.
@@ -142,6 +142,8 @@ def _check(envs: Any, policy: Any, episodes: int) -> None:
     require_integer("episodes", episodes, 1)
     if envs.spec.autoreset_mode == "Disabled":
         raise InvalidRequest('evaluate needs autoreset_mode="NextStep" or "SameStep", got "Disabled"')
+    if envs.spec.episode_limit is None:
+        raise InvalidRequest("evaluate needs an episode limit, or it may never end: make(episode_limit=...)")
 
 
 def _player(envs: Envs | Wrapper, policy: Any, against: Any, seed: int | None) -> Policy:

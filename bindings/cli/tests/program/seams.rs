@@ -360,6 +360,29 @@ fn a_run_with_snapshots_is_resumed_on_a_pool_without_them() {
     );
 }
 
+/// Where the last units of both teams die in one step, tournaments counted a draw, and all else a victory.
+#[test]
+fn teams_that_destroy_each_other_do_not_win() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let units = json!({"BANELING": 1});
+    let group = |x: u32, faction: &str| json!({"x": x, "y": 16, "faction": faction, "units": units});
+    let scenario = json!({
+        "name": "banelings", "num_allied_units": 1, "num_enemy_units": 1, "attack_point": [16, 16],
+        "groups": [group(14, "ALLY"), group(18, "ENEMY")], "terrain_preset": "SIMPLE", "num_unit_types": 0,
+        "ally_has_shields": false, "enemy_has_shields": false, "episode_limit": 40,
+    });
+    fs::write(folder.join("banelings.json"), scenario.to_string()).expect("a file");
+    output(folder, &format!("train banelings.json --opponent self --steps 2e3 --out run {SMALL}"));
+    let log = fs::read_to_string(folder.join("run/log.csv")).expect("a log");
+    let column = log.lines().next().expect("names").split(',').position(|name| name == "win_rate_self");
+    let rates = log.lines().skip(1).filter_map(|row| row.split(',').nth(column.expect("a column")));
+    assert!(rates.filter(|rate| !rate.is_empty()).all(|rate| rate == "0"), "{log}");
+    let played = output(folder, "evaluate run --opponent run --episodes 10 --json");
+    let played: Value = serde_json::from_str(played.lines().last().expect("a result")).expect("JSON");
+    assert!(played["mean_return"].as_f64() > Some(10.0) && played["win_rate"] == 0.0, "{played}");
+}
+
 /// Closing a terminal ended a pool without its end: its files stayed in shared memory.
 #[test]
 fn a_closed_terminal_ends_a_pool_cleanly() {

@@ -11,7 +11,7 @@ use crate::setups::with_an_end;
 use crate::team::{Network, Team};
 use crate::tensors::FileError;
 use crate::trained_team::TrainedTeam;
-use smaclite_engine::{Opponent, Scratch};
+use smaclite_engine::{Faction, Opponent, Scratch};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -104,10 +104,11 @@ impl Evaluator {
         parallel::run(jobs, scratches, interrupted, |(job, ended), scratch| {
             play.episodes(pairing, players, job * LOCKSTEP, ended, scratch);
         })?;
+        let against_team = matches!(players[1], Player::Team(_));
         let episode = |ended: Ended| Episode {
             episode_return: ended.returns[0] as f32,
             length: ended.length.cast_signed(),
-            won: ended.battle_won,
+            won: if against_team { ended.winner == Some(Faction::Ally) } else { ended.battle_won },
         };
         Ok(ended.into_iter().map(episode).collect())
     }

@@ -34,9 +34,11 @@ pub enum SeedsError {
     OtherSteps { first: PathBuf, second: PathBuf, steps: [u64; 2] },
     #[error(
         "`{}` has seeds from {first} to {last}: --seeds must be at least {}, got {count}",
-        folder.display(), last - first + 1
+        folder.display(), (last - first).saturating_add(1)
     )]
     TooFew { folder: PathBuf, first: u64, last: u64, count: u64 },
+    #[error("the last of {count} seeds from {seed} on would be above {}", u64::MAX)]
+    TooHigh { seed: u64, count: u64 },
     #[error(
         "the run with seed {seed} could not begin: {source}\n`train --resume {} --seeds {count}` begins the \
          missing runs and continues the others", folder.display()

@@ -102,7 +102,7 @@ def last_actions(
     for i in range(n):
         [rows] = np.nonzero(step - 1 - i >= begin)
         one_hot[rows, i, actions[step[rows] - 1 - i, agent[rows]]] = 1
-    return one_hot.reshape(len(step), -1)
+    return one_hot.reshape(len(step), n * n_actions)
 
 
 def split(dataset: sp.Dataset, held_out: float, seed: int) -> NDArray[np.bool_]:
@@ -171,6 +171,11 @@ def clone(options: Options) -> tuple[Mlp, sp.Dataset]:
     sizes = dataset.card["sizes"]
     widths = [learnt.obs.shape[1], *map(int, options.hidden.split(",")), sizes["n_actions"]]
     policy = Mlp(widths, sizes["n_agents"], 0.01, "relu").to(options.device)
+    if len(learnt) == 0:
+        raise sp.errors.InvalidRequest(
+            f"no step is left to learn from: of {len(dataset.episodes['length'])} episodes, --held-out "
+            f"{options.held_out} leaves none with a choice"
+        )
     print(f"{dataset.card['steps']:,} steps, {len(learnt):,} rows to learn from, {len(held_out):,} held out")
     learn(policy, learnt, held_out, options)
     return policy, dataset
@@ -183,7 +188,16 @@ def scenario_of(dataset: sp.Dataset, options: Options) -> str:
         raise sp.errors.InvalidRequest(
             "the dataset is not of a standard scenario; --map-file must name its file"
         )
-    sp.scenario(scenario)  # which raises ScenarioError if it cannot be read
+    told = sp.scenario(scenario)  # which raises ScenarioError if it cannot be read
+    if options.map_file:
+        sizes = dataset.card["sizes"]
+        given = (told["name"], len(told["allies"]), len(told["enemies"]))
+        expected = (dataset.card["scenario"], sizes["n_agents"], sizes["n_enemies"])
+        if given != expected:
+            raise sp.errors.InvalidRequest(
+                f"--map-file must be the scenario of the dataset: name, agents and enemies are {expected}, "
+                f"got {given}"
+            )
     return scenario
 
 

@@ -11,6 +11,8 @@ Range = tuple[float, float]
 
 COUNT: Range = (1, 1_000_000)
 STEPS: Range = (1, 2**48)
+SEED: Range = (0, 2**64 // 1_000_000 - 2)
+"""Of runs that seed their environments with a million times the seed."""
 SHARE: Range = (0, 1)
 SMALL: Range = (1e-12, 1)
 """Step sizes, which are above 0."""
@@ -24,8 +26,8 @@ def option(
     within: Range | None = None,
     numbers: bool = False,
 ) -> Any:
-    """A field of the dataclass. What is given must be one of `choices`, a number `within` a range, or a text
-    of `numbers` with commas; the default can be anything."""
+    """A field of the dataclass. What is given must be one of `choices`, a number `within` a range, or
+    `numbers` with commas, the widths of layers; the default can be anything."""
     help_text = {"help": f"{text} (default: %(default)s)", "choices": choices}
     return field(default=default, metadata={"argument": help_text, "within": within, "numbers": numbers})
 
@@ -56,8 +58,11 @@ def parsed(parser: argparse.ArgumentParser, options: Any) -> dict[str, Any]:
         if within and not within[0] <= value <= within[1]:  # also NaN
             low, high = (f"{bound:,}" if isinstance(bound, int) else f"{bound:g}" for bound in within)
             parser.error(f"{_flag(each.name)} must be between {low} and {high}, got {value}")
-        if each.metadata["numbers"] and not re.fullmatch("[0-9]+(,[0-9]+)*", value):
-            parser.error(f"{_flag(each.name)} must be numbers with commas between, as 64,64, got {value!r}")
+        if each.metadata["numbers"]:
+            is_list = re.fullmatch("[0-9]+(,[0-9]+)*", value)
+            if not is_list or any(not 2 <= int(width) <= 4096 for width in value.split(",")):
+                flag = _flag(each.name)
+                parser.error(f"{flag} must be numbers from 2 to 4096, with commas, as 64,64, got {value!r}")
     return given
 
 

@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 from safetensors.torch import save_file
 from smaclite_pool.examples import units_network
 from smaclite_pool.examples.evaluations import Clock, Evaluations
-from smaclite_pool.examples.options import SHARE, SMALL, STEPS, option, parsed, parser_of
+from smaclite_pool.examples.options import SEED, SHARE, SMALL, STEPS, option, parsed, parser_of
 from torch import Tensor, nn
 from torch.nn import functional as F
 
@@ -75,7 +75,7 @@ class Options:
         ["mappo", "ippo", "by team"],
     )
     steps: int = option(2_000_000, "environment steps of the run", within=STEPS)
-    seed: int = option(0, "of weights, environments, actions and minibatches", within=(0, 2**63 - 1))
+    seed: int = option(0, "of weights, environments, actions and minibatches", within=SEED)
     out: str = option("runs", "folder in which the folder of the run is created")
     device: str = option("cpu", "where the networks are: cpu or cuda")
     # Matrices are small here. With more threads, each product ends with threads that wait for the slowest one
@@ -484,7 +484,15 @@ def with_defaults(options: Options) -> Options:
 
 def make(options: Options, num_envs: int) -> sp.Envs:
     own_actions, threads = with_defaults(options).last_actions, options.threads or None
-    return sp.make(options.scenario, num_envs, threads=threads, obs_last_actions=own_actions)
+    limit = limit_of(options.scenario)
+    return sp.make(
+        options.scenario, num_envs, threads=threads, obs_last_actions=own_actions, episode_limit=limit
+    )
+
+
+def limit_of(scenario: str) -> int:
+    """That of the scenario, or 1000 if it has none: episodes must end."""
+    return sp.scenario(scenario)["episode_limit"] or 1000
 
 
 def train(options: Options, make_envs: Callable[[Options, int], Any] = make) -> Learner:

@@ -54,11 +54,12 @@ class Sides(sp.extras.Wrapper):
     def change_batch(self, batch: Any) -> Any:
         goes_on = ~batch.was_reset
         self.enemy_return = goes_on * (self.enemy_return + batch.enemy_reward)
-        enemies_won = batch.terminated & (batch.dead_allies == self.envs.spec.n_agents)
+        allies_are_dead = batch.dead_allies == self.envs.spec.n_agents  # a draw if the enemies are, too
+        enemies_won = batch.terminated & allies_are_dead & ~batch.battle_won
         pairs = {own: (getattr(batch, own), getattr(batch, other)) for own, other in PAIRS.items()}
         pairs |= {name: (getattr(batch, name), getattr(batch, name)) for name in SHARED}
         pairs["reward"] = (batch.reward, batch.enemy_reward)
-        pairs["battle_won"] = (batch.battle_won, enemies_won)
+        pairs["battle_won"] = (batch.battle_won & ~allies_are_dead, enemies_won)
         pairs["episode_return"] = (batch.episode_return, self.enemy_return)
         # Not a `Batch`: that has a row per battle, and this one a row per side.
         return SimpleNamespace(**{name: np.concatenate(pair) for name, pair in pairs.items()})
@@ -79,6 +80,7 @@ def make(options: ppo.Options, num_envs: int) -> Any:
         obs_last_actions=own_actions,
         sides="both",
         mirror=True,
+        episode_limit=ppo.limit_of(options.scenario),
     )
     return Sides(envs)
 

@@ -40,7 +40,7 @@ from numpy.typing import NDArray
 from safetensors.torch import save_file
 from smaclite_pool.examples import units_network
 from smaclite_pool.examples.evaluations import Clock, Evaluations
-from smaclite_pool.examples.options import COUNT, SHARE, SMALL, STEPS, option, parsed, parser_of
+from smaclite_pool.examples.options import COUNT, SEED, SHARE, SMALL, STEPS, option, parsed, parser_of
 from torch import Tensor, nn
 from torch.nn import functional as F
 
@@ -52,7 +52,7 @@ class Options:
     scenario: str = "2s3z"
     algorithm: str = option("qmix", "iql, vdn or qmix", ["iql", "vdn", "qmix"])
     steps: int = option(1_000_000, "environment steps of the run", within=STEPS)
-    seed: int = option(0, "of weights, environments, actions and samples of episodes", within=(0, 2**63 - 1))
+    seed: int = option(0, "of weights, environments, actions and samples of episodes", within=SEED)
     out: str = option("runs", "folder in which the folder of the run is created")
     device: str = option("cpu", "where the networks are: cpu or cuda")
     # Matrices are small here. With more threads, each product ends with threads that wait for the slowest one
@@ -360,13 +360,14 @@ def train(options: Options) -> Learner:
     """Trains a team, and writes log and weights to its folder."""
     torch.manual_seed(options.seed)
     torch.set_num_threads(options.torch_threads)
-    folder = Path(options.out) / f"{Path(options.scenario).stem}-{options.algorithm}-{options.seed}"
-    folder.mkdir(parents=True)
-    (folder / "options.json").write_text(json.dumps(asdict(options), indent=2))
     episodes: deque[tuple[float, bool, int]] = deque(maxlen=200)  # return, won and length
     steps = n_episodes = 0
     with make(options, options.num_envs) as envs:
-        learner, log = Learner(envs, options), Log(folder)
+        learner = Learner(envs, options)
+        folder = Path(options.out) / f"{Path(options.scenario).stem}-{options.algorithm}-{options.seed}"
+        folder.mkdir(parents=True)
+        (folder / "options.json").write_text(json.dumps(asdict(options), indent=2))
+        log = Log(folder)
         player, evaluations = Player(envs, learner), evaluations_of(learner, folder, log.clock)
         envs.seed_sampler(options.seed)
         batch = envs.reset(seed=1_000_000 * (options.seed + 1))  # the evaluation has other seeds
@@ -396,6 +397,9 @@ def train(options: Options) -> Learner:
                     speed |= {"wait_share": waited / (end - begin), "learn_share": learnt / (end - begin)}
                     log.write(row | recent(episodes) | stats | {"epsilon": epsilon}, speed)
                     begin, waited, learnt, begin_steps = end, 0.0, 0.0, steps
+    if learner.updates == 0:
+        needed = options.batch + options.episodes_per_update
+        print(f"nothing was learnt: the first gradient step needs {needed} episodes, and {n_episodes} ended")
     evaluations.finish(steps, learner.updates)
     save_file(learner.team.state_dict(), folder / "weights.safetensors")
     return learner
@@ -421,6 +425,8 @@ def evaluate(learner: Learner, options: Options) -> sp.Evaluation:
 def main() -> None:
     parser = parser_of(Options, __doc__, "a standard scenario or a file")
     options = Options(**parsed(parser, Options))
+    if options.capacity < options.batch:
+        parser.error(f"--capacity must be at least --batch, {options.batch}, got {options.capacity}")
     try:
         learner = train(options)
         if options.evaluate_episodes > 0:
