@@ -53,6 +53,9 @@ pub struct Embedded {
 /// it, too. A reset with snapshots of a lane that was not reset before, or with a list of seeds, is of
 /// several requests: if it ends before the last is sent, only a reset of all environments can follow.
 ///
+/// In an asynchronous lane, `step`, `reset` and `fork` raise InvalidRequest if fewer than M results are
+/// outstanding with those that they request; what they request is done nevertheless.
+///
 /// Only one thread may call these environments at a time; a concurrent call raises Busy. After a fork, calls
 /// in the child raise Forked; calls after `close` raise Closed.
 #[pyclass(frozen, weakref, module = "smaclite_pool")]
@@ -247,8 +250,7 @@ impl Envs {
     ///
     /// Raises:
     ///     IllegalAction: an action is not available; no environment was stepped.
-    ///     InvalidRequest: an argument is invalid; no environment was stepped. Or, in an asynchronous lane,
-    ///         fewer than M results are outstanding with these; then the step is made.
+    ///     InvalidRequest: an argument is invalid; no environment was stepped.
     ///     TypeError: actions or environment ids are not integers; no environment was stepped.
     ///     Timeout: the batch did not arrive in time.
     ///     TooManyBatchesHeld: `max_held_batches` batches are in use.
@@ -342,7 +344,8 @@ impl Envs {
     /// Request new episodes without waiting; `recv` returns the first observations.
     ///
     /// Args:
-    ///     seed, mask, env_id, levels, snapshots: as for `reset`; the seed is one integer or None.
+    ///     seed, mask, env_id, levels, snapshots: as for `reset`; the seed is one integer or None, and
+    ///         snapshots need a lane that was reset before.
     ///
     /// If a snapshot is refused, no environment changes, and the next `recv` raises InvalidRequest.
     ///

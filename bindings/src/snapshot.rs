@@ -79,7 +79,7 @@ pub fn snapshot_columns<'py>(snapshot: &Bound<'py, PyAny>) -> PyResult<Bound<'py
 ///     InvalidRequest: a column has another shape or a value that the unit cannot have, there is a column
 ///         that snapshots do not have, or the snapshot is of another scenario.
 ///     KeyError: a column is missing.
-///     TypeError: a column has another type.
+///     TypeError: a column has a type that cannot be converted without loss.
 ///     ScenarioError: the scenario is unknown, or its file or a unit file is invalid.
 #[pyfunction]
 pub fn pack_snapshot<'py>(

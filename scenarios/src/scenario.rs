@@ -112,6 +112,14 @@ impl Scenario {
         self.count(Faction::Ally)
     }
 
+    /// Whether the enemies have the types of the agents, one by one, and shields as they do.
+    pub fn has_equal_sides(&self) -> bool {
+        let types =
+            |side| self.units.iter().filter(move |unit| unit.faction == side).map(|unit| unit.unit_type);
+        self.ally_has_shields == self.enemy_has_shields
+            && (self.draws_teams() || types(Faction::Ally).eq(types(Faction::Enemy)))
+    }
+
     /// Whether each episode draws the types of the units.
     pub fn draws_teams(&self) -> bool {
         self.generation.as_ref().is_some_and(|drawn| drawn.teams != Teams::OfGroups)

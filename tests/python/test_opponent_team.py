@@ -196,6 +196,7 @@ def test_gymnasium_shows_the_same_bits() -> None:
             "opponent `zoo:5m_vs_6m`: the team was trained in `5m_vs_6m` and plays 5 units .* the enemies of "
             "this scenario are 6 .* whose two sides have equal sizes",
         ),
+        ("3s_vs_3z", {"opponent": "zoo:all-maps"}, "it plays them where both sides have the same units"),
         ("8m", {"opponent": {"zoo:3m": 1, "kite": 1}}, "plays 3 units .* the enemies of this scenario are 8"),
         (
             "3m",

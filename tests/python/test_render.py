@@ -109,6 +109,9 @@ def test_a_sheet_has_a_caption_per_picture() -> None:
         expected = r"captions must be a list of strings, such as \[\"first\"\], got int"
         with pytest.raises(TypeError, match=expected):
             envs.render(batch, captions=1)  # type: ignore[arg-type]
+        for of_sheets in ({"captions": ["a"]}, {"columns": 2}):
+            with pytest.raises(sp.errors.InvalidRequest, match="are for sheets of several pictures"):
+                envs.render(batch, 0, **of_sheets)
 
 
 def test_without_a_batch_the_newest_one_is_drawn() -> None:

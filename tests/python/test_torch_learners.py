@@ -456,7 +456,7 @@ def test_the_command_line_and_its_errors(tmp_path: Path) -> None:
         (ppo, "--gamma nan", "between 0 and 1, got nan"),
         (ppo, "--evaluate-every -1", "between 0 and"),
         (value_decomposition, "--batch 0", "between 1 and 1,000,000"),
-        (value_decomposition, "--capacity 10", "--capacity must be at least --batch, 32, got 10"),
+        (value_decomposition, "--capacity 10", "at least --batch, 32, got 10"),
         (value_decomposition, "--lr 0", "between 1e-12 and 1, got 0.0"),
     ],
 )

@@ -25,6 +25,8 @@ pub(super) enum OpponentOption {
 pub(super) enum OpponentOptionError {
     #[error("{0}; and there is no folder of that name with a run")]
     Neither(OpponentsError),
+    #[error("a trained team cannot be mixed with scripts here: name the team alone, or scripts alone")]
+    Mixture,
     #[error(
         "`learner` is no opponent of a team; choose a script, the folder of a run or, in training, `self` or \
          `league`"
@@ -44,10 +46,18 @@ impl FromStr for OpponentOption {
         match text.parse::<Opponents>() {
             Ok(scripts) if scripts.check(Sides::Allies).is_err() => Err(OpponentOptionError::Learner),
             Ok(scripts) => Ok(OpponentOption::Scripts(scripts)),
+            Err(_) if text.contains('=') && !Path::new(text).is_dir() && names_a_team_of(text) => {
+                Err(OpponentOptionError::Mixture)
+            }
             Err(_) if names_team(text) => Ok(OpponentOption::Team(text.into())),
             Err(error) => Err(OpponentOptionError::Neither(error)),
         }
     }
+}
+
+/// Whether one of the names of a mixture is a team's.
+fn names_a_team_of(mixture: &str) -> bool {
+    mixture.split(',').filter_map(|part| part.split('=').next()).any(names_team)
 }
 
 /// Scripts, for battles in which nothing else plays the enemies.
@@ -105,6 +115,9 @@ impl SelfPlayOptions {
         }
         if (script_share.is_some() || zero_sum) && !is_league && opponent != Some(OpponentOption::OwnTeam) {
             return Err("--script-share and --zero-sum need --opponent self or league");
+        }
+        if script_share.is_some_and(|share| !(0.0..=0.9).contains(&share)) {
+            return Err("--script-share must be between 0 and 0.9");
         }
         let defaults = if is_league { SelfPlay::LEAGUE } else { SelfPlay::ALONE };
         let self_play = SelfPlay {

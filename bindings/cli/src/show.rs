@@ -31,7 +31,7 @@ pub(super) struct Show {
     /// Seed of the first draw; each further one has the next [default: 0]
     #[arg(long, conflicts_with_all = ["all", "of"], value_parser = seed())]
     seed: Option<u64>,
-    /// Put all standard scenarios into one picture, each with its name
+    /// Put the 23 maps of SMAC into one picture, each with its name
     #[arg(long, conflicts_with = "scenario", requires = "png")]
     all: bool,
     /// Write a picture to this PNG file, instead of printing the map; a file of that name is replaced

@@ -1,6 +1,7 @@
 //! Who plays the enemies of a lane, as its users name it: scripts, a trained team, or both in turn.
 
 use crate::actor::{Actor, Draw, Rows};
+use crate::config::NetworkKind;
 use crate::description::OtherMap;
 use crate::policy::Choice;
 use crate::random::Purpose;
@@ -55,6 +56,11 @@ pub enum LaneOpponentsError {
          its interface is that of agents"
     )]
     Smacv2(String),
+    #[error(
+        "opponent `{0}` is a team for every map, which sees the enemies as its own units: it plays them \
+         where both sides have the same units and shields"
+    )]
+    UnequalSides(String),
     #[error("opponent `{0}`: {1}")]
     Unfit(String, UnfitTeam),
     #[error(transparent)]
@@ -131,8 +137,12 @@ impl LaneOpponents {
         let LaneOpponents { of_battles: opponents, team } = self;
         let Some(name) = team else { return Ok((BattleSetup { opponents, ..setup }, None)) };
         let team = TrainedTeam::open_for(Path::new(&name), &setup)?;
-        if setup.files.scenario()?.smacv2.is_some() {
+        let scenario = setup.files.scenario()?;
+        if scenario.smacv2.is_some() {
             return Err(LaneOpponentsError::Smacv2(name));
+        }
+        if team.run.config.network == NetworkKind::Universal && !scenario.has_equal_sides() {
+            return Err(LaneOpponentsError::UnequalSides(name));
         }
         let setup = BattleSetup { opponents, sides: Sides::MIRRORED, ..setup };
         let unfit = |why| LaneOpponentsError::Unfit(name.clone(), why);

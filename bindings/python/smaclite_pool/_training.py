@@ -49,9 +49,9 @@ def train(
         out: the folder of the run, which must not hold one.
         steps: environment steps; by default as many as the program makes.
         seed: of weights, environments, actions and minibatches.
-        opponent: who plays the enemies, as in `make`; or another team, as `load_team` returns it or by the
-            folder of its run; `"self"` or `"league"`. None for the map's own opponent, and on a running
-            pool (`pool="NAME"`), which has its own.
+        opponent: who plays the enemies, as in `make`, but no mixture with a team; or another team, as
+            `load_team` returns it or by the folder of its run; `"self"` or `"league"`. None for the map's own
+            opponent, and on a running pool (`pool="NAME"`), which has its own.
         on_update: called with the record of every update, the columns of `log.csv`; by default a line with
             steps, return and win rate is printed every two seconds, and at the end.
         options: other options of the program, such as `num_envs=128`, `hidden=[32, 32]`, `zero_sum=True` or

@@ -108,6 +108,10 @@ impl SheetStyle {
     }
 
     /// One caption per picture.
+    fn is_default(&self) -> bool {
+        self.columns == 0 && self.captions.is_none()
+    }
+
     fn captions_for(self, env_ids: &[i32]) -> PyResult<Vec<String>> {
         match self.captions {
             Some(captions) if captions.len() == env_ids.len() => Ok(captions),
@@ -277,6 +281,12 @@ pub fn render_batch<'py>(
         Ok::<_, PyErr>(&states[slot * size..(slot + 1) * size])
     };
     let ids = match &selection {
+        Selection::One(_) if !style.is_default() => {
+            return Err(invalid_request(
+                "columns and captions are for sheets of several pictures; pass env_id as a list, or leave \
+                 them out",
+            ));
+        }
         Selection::One(env) => return renderer.draw(py, state_of(i64::from(*env))?),
         Selection::Some(ids) => ids.as_slice()?,
         Selection::All => &in_batch,

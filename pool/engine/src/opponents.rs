@@ -60,7 +60,8 @@ impl Opponent {
         Opponent::ALL.into_iter().filter(|opponent| *opponent != Opponent::Learner)
     }
 
-    /// Whether it sends the enemies to the attack point or to the agents, and they choose targets by themselves.
+    /// Whether it sends the enemies to the attack point or to the agents, and leaves them the choice of
+    /// targets.
     pub(crate) fn marches(self) -> bool {
         matches!(self, Opponent::AttackMove | Opponent::AttackNearest)
     }

@@ -162,7 +162,7 @@ impl Team {
         // A team of one map knows no types, only sizes. One that plays every map would see the enemies as if
         // they had the types of the agents.
         let sees_its_own =
-            side == Faction::Ally || self.universal.is_none() || has_equal_sides(&game.scenario);
+            side == Faction::Ally || self.universal.is_none() || game.scenario.has_equal_sides();
         if shape(player.sizes) == shape(given) && sees_its_own {
             return Ok(());
         }
@@ -262,14 +262,6 @@ impl TeamOnScenario {
             }
         }
     }
-}
-
-/// Whether the enemies have the units of the agents, in the same order. Drawn teams have the same types.
-fn has_equal_sides(scenario: &Scenario) -> bool {
-    let of = |side| scenario.units.iter().filter(move |unit| unit.faction == side).map(|unit| unit.unit_type);
-    let is_drawn = scenario.generation.is_some();
-    scenario.ally_has_shields == scenario.enemy_has_shields
-        && (is_drawn || of(Faction::Ally).eq(of(Faction::Enemy)))
 }
 
 /// No weights fit if the history is longer than any memory.

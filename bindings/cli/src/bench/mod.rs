@@ -23,7 +23,7 @@ use throughput::{Mode, Throughput, Workload};
 
 #[derive(Args)]
 pub(super) struct Bench {
-    /// Scenarios: standard names or files [default: the standard scenarios]
+    /// Scenarios: standard names or files [default: the 23 maps of SMAC]
     #[arg(value_name = "SCENARIO", add = completions::scenario())]
     scenarios: Vec<String>,
     /// Rules of the battles: smaclite (as the published environment plays), paper (as its paper describes) or

@@ -38,8 +38,7 @@ pub(super) struct PlayTournament {
     #[arg(long, value_name = "MAP", add = completions::scenario())]
     scenario: Option<String>,
     /// Rules of the battles: smaclite (as the published environment plays), paper (as its paper describes) or
-    /// starcraft (nearer to the real battles)
-    /// [default: smaclite]
+    /// starcraft (nearer to the real battles) [default: smaclite; without --scenario those of the teams]
     #[arg(long, requires = "scenario")]
     rules: Option<Rules>,
     /// Number of episodes of each pairing, 1 to 1000000

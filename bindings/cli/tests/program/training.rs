@@ -119,6 +119,9 @@ fn opponents_that_do_not_exist_or_fit_are_refused() {
     check_error(folder, &format!("{train} --opponent ./kite"), 1, "`./kite` is not the folder of a run");
     let seeds = format!("{train} --seed 18446744073709551615 --seeds 2");
     check_error(folder, &seeds, 1, "the last of 2 seeds from 18446744073709551615 on would be above");
+    let mixed = "a trained team cannot be mixed with scripts here";
+    check_error(folder, &format!("{train} --opponent zoo:3m=0.8,kite=0.2"), 2, mixed);
+    check_error(folder, &format!("{train} --opponent self --script-share 1"), 1, "between 0 and 0.9");
     check_error(folder, &format!("{train} --opponent learner"), 2, "`learner` is no opponent of a team");
     check_error(folder, &format!("{train} --opponent self --league-size 3"), 1, "need --opponent league");
     check_error(folder, &format!("{train} --opponent kite --zero-sum"), 1, "need --opponent self or league");

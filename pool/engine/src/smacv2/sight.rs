@@ -35,8 +35,8 @@ impl Interface {
     }
 
     /// Which units each agent sees whatever else it may see: u8 0 or 1, `[n_agents, n_agents + n_enemies]`.
-    /// In the published code, whether two agents see each other depends on the sight of the one with the lower
-    /// number.
+    /// In the published code, whether two agents see each other depends on the sight of the one with the
+    /// lower number.
     ///
     /// # Panics
     /// If `out` has another size.
