@@ -62,8 +62,8 @@ impl fmt::Display for Quality {
 pub enum QualityError {
     #[error(
         "{folder}: the run has no evaluations in evaluations.csv, so its qualities are unknown; leave \
-         --quality out to record the weights that `evaluate` plays, or train with --evaluate-every for weights \
-         of several qualities"
+         --quality out to record the weights that `evaluate` plays, or train with --evaluate-every for \
+         weights of several qualities"
     )]
     NoEvaluations { folder: String },
     #[error("{folder}: no evaluation won a battle, so no weights are good; train for longer")]
