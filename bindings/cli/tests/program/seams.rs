@@ -413,4 +413,5 @@ fn the_pool_of_a_killed_benchmark_ends() {
     while has_pool() {
         std::thread::sleep(Duration::from_millis(20));
     }
+    output(folder, "clean"); // what the killed program itself left behind
 }
