@@ -50,7 +50,8 @@ pub(super) fn choose_targets(world: &mut World) {
     }
     attackers.clear();
     attackers.resize(units.pos.len() + 1, 0);
-    for &id in &alive_ids.all {
+    // All of one side, whose targets are no others'.
+    for &id in alive_ids.faction_of(arena, choosers[0].id) {
         let i = id as usize;
         // Who has lost its target counts until it chooses.
         let attack_moves = matches!(commands[i], Command::AttackMove(_));

@@ -7,15 +7,15 @@
 use glam::Vec2;
 
 use super::super::{TickScratch, World};
-use crate::simd::x4::{F32x4, Four, Vec2x4, WIDTH, four};
+use crate::simd::x4::{F32x4, Four, Mask4, Vec2x4, WIDTH, four};
 
 /// How far ahead of itself a unit looks for others that stand in its way, in squares.
 const LOOK_AHEAD: f32 = 1.0;
 /// Cosine and sine of 20 degrees, by which a unit turns to find a free way; given as numbers, since the last
 /// bits of trigonometric functions depend on the machine.
 const TURN: [f32; 2] = [0.939_692_6, 0.342_020_15];
-/// How often it turns at most, to either side: up to 100 degrees.
-const MAX_TURNS: usize = 5;
+/// The number of directions that it tries: up to 100 degrees to either side.
+const DIRECTIONS: usize = 10;
 /// Units that touch do not block the way past each other.
 const TOUCH: f32 = 0.98;
 
@@ -27,9 +27,7 @@ pub(in crate::tick) struct Standing {
     groups: Vec<Group>,
 }
 
-/// Four units, one per entry of each column. Of units near one that walks, `x` and `y` are the ways from that
-/// to them, and each blocks a way that passes it within its radius, which is negative for a unit that is not
-/// near.
+/// Four units, one per entry of each column.
 #[derive(Clone, Copy, Debug, Default)]
 struct Group {
     x: [f32; WIDTH],
@@ -66,11 +64,10 @@ impl Standing {
     }
 }
 
-/// Groups of standing units of which one at least is near a unit that walks. The first `len` count.
+/// Which of the standing units of a plane are near a unit that walks, as the bits of each group.
 #[derive(Debug, Default)]
 pub(in crate::tick) struct Near {
-    len: usize,
-    groups: Vec<Group>,
+    groups: Vec<u32>,
 }
 
 /// A unit that walks.
@@ -82,7 +79,7 @@ struct Walker {
 
 impl Near {
     pub fn reserve(&mut self, n_units: usize) {
-        self.groups.resize(n_units.div_ceil(WIDTH), Group::default());
+        self.groups.resize(n_units.div_ceil(WIDTH), 0);
     }
 
     /// Finds the units near a walker, but its target. Returns whether one of them is in its way.
@@ -90,59 +87,74 @@ impl Near {
     fn find(&mut self, four: Four, standing: &[Group], walker: &Walker, straight: Vec2) -> bool {
         let (at, straight) = (Vec2x4::splat(four, walker.at), Vec2x4::splat(four, straight));
         let target = F32x4::splat(four, walker.target.map_or(-1.0, |target| target as f32));
-        let [radius, ahead, touch, nowhere] =
-            [walker.radius, LOOK_AHEAD, TOUCH, -1.0].map(|number| F32x4::splat(four, number));
-        let (mut blocked, mut len) = (0, 0);
-        for group in standing {
+        let [radius, ahead, touch] =
+            [walker.radius, LOOK_AHEAD, TOUCH].map(|number| F32x4::splat(four, number));
+        let mut blocked = 0;
+        for (near, group) in self.groups.iter_mut().zip(standing) {
             let [x, y, radii, ids] =
                 [group.x, group.y, group.radii, group.ids].map(|numbers| F32x4::new(four, numbers));
             let (way, reach) = (Vec2x4 { x, y } - at, radius + radii);
             let is_near = way.length_squared().lt((reach + ahead) * (reach + ahead)) & !ids.eq(target);
-            let reaches = is_near.select(reach * touch, nowhere);
-            blocked |= blocking(way, reaches, straight);
-            // Written before it is known whether one is near: no branch, which would be hard to predict.
-            let [x, y, radii] = [way.x, way.y, reaches].map(F32x4::to_array);
-            self.groups[len] = Group { x, y, radii, ..*group };
-            len += usize::from(is_near.any());
+            blocked |= (is_near & blocking(way, reach * touch, straight)).bits();
+            *near = is_near.bits();
         }
-        self.len = len;
         blocked != 0
     }
 
-    /// Whether no unit is in this way.
-    #[inline(always)]
-    fn is_free(&self, four: Four, direction: Vec2) -> bool {
-        let direction = Vec2x4::splat(four, direction);
-        let blocked = self.groups[..self.len].iter().fold(0, |blocked, group| {
-            let [x, y, reaches] = [group.x, group.y, group.radii].map(|numbers| F32x4::new(four, numbers));
-            blocked | blocking(Vec2x4 { x, y }, reaches, direction)
-        });
-        blocked == 0
-    }
-
     /// The first free direction, `None` if there is none.
-    #[inline(always)]
-    fn free_direction(&self, four: Four, straight: Vec2, vel: Vec2) -> Option<Vec2> {
-        let side = if straight.perp_dot(vel) < 0.0 { -1.0 } else { 1.0 };
-        let [cos, sin] = TURN;
-        let turns = [Vec2::new(cos, sin * side), Vec2::new(cos, -sin * side)];
-        let mut directions = [straight; 2];
-        for _ in 0..MAX_TURNS {
-            directions = [turns[0].rotate(directions[0]), turns[1].rotate(directions[1])];
-            let free = directions.map(|direction| self.is_free(four, direction));
-            if free[0] || free[1] {
-                return Some(directions[usize::from(!free[0])]);
+    ///
+    /// All directions are computed, four per register: when to stop would be hard to predict.
+    #[cfg_attr(not(target_family = "wasm"), inline(always))] // in browsers size counts
+    fn free_direction(
+        &self,
+        four: Four,
+        standing: &[Group],
+        walker: &Walker,
+        straight: Vec2,
+        vel: Vec2,
+    ) -> Option<Vec2> {
+        let directions = directions(straight, vel);
+        let mut blocked = [F32x4::splat(four, 0.0); DIRECTIONS.div_ceil(WIDTH)].map(|zero| zero.lt(zero));
+        for (&near, group) in self.groups.iter().zip(standing) {
+            let mut left = near;
+            while left != 0 {
+                let entry = left.trailing_zeros() as usize;
+                left &= left - 1;
+                let way = Vec2x4::splat(four, Vec2::new(group.x[entry], group.y[entry]) - walker.at);
+                let reach = F32x4::splat(four, (walker.radius + group.radii[entry]) * TOUCH);
+                for (blocked, &[x, y]) in blocked.iter_mut().zip(&directions) {
+                    let direction = Vec2x4 { x: F32x4::new(four, x), y: F32x4::new(four, y) };
+                    *blocked = *blocked | blocking(way, reach, direction);
+                }
             }
         }
-        None
+        let blocked = blocked.iter().rev().fold(0, |all, mask| all << WIDTH | mask.bits());
+        let first = blocked.trailing_ones() as usize;
+        let [x, y] = directions[first / WIDTH];
+        (first < DIRECTIONS).then(|| Vec2::new(x[first % WIDTH], y[first % WIDTH]))
     }
 }
 
-/// Which of some units, seen from one that walks, are in its way, as bits.
+/// The directions to which a unit turns, in the order in which it tries them; after them 0, which is free.
+#[inline(always)]
+fn directions(straight: Vec2, vel: Vec2) -> [[[f32; WIDTH]; 2]; DIRECTIONS.div_ceil(WIDTH)] {
+    let mut sin = if straight.perp_dot(vel) < 0.0 { -TURN[1] } else { TURN[1] };
+    let mut last = [straight; 2];
+    let mut directions = [[[0.0; WIDTH]; 2]; DIRECTIONS.div_ceil(WIDTH)];
+    for number in 0..DIRECTIONS {
+        let direction = Vec2::new(TURN[0], sin).rotate(last[0]);
+        let [x, y] = &mut directions[number / WIDTH];
+        (x[number % WIDTH], y[number % WIDTH]) = (direction.x, direction.y);
+        (last, sin) = ([last[1], direction], -sin);
+    }
+    directions
+}
+
+/// Which of some units, seen from one that walks, are in its way; or in which of some ways a unit is.
 #[cfg_attr(not(target_family = "wasm"), inline(always))] // in browsers size counts
-fn blocking(way: Vec2x4, reaches: F32x4, direction: Vec2x4) -> u32 {
-    let is_ahead = way.dot(direction).gt(F32x4::splat(reaches.simd(), 0.0));
-    (is_ahead & way.perp_dot(direction).abs().lt(reaches)).bits()
+fn blocking(way: Vec2x4, reach: F32x4, direction: Vec2x4) -> Mask4 {
+    let is_ahead = way.dot(direction).gt(F32x4::splat(reach.simd(), 0.0));
+    is_ahead & way.perp_dot(direction).abs().lt(reach)
 }
 
 /// Lets every living unit that would walk into others that stand prefer a way past them.
@@ -168,10 +180,71 @@ pub(super) fn take(world: &mut World) {
         }
         let straight = preferred[i] / speed;
         let walker = Walker { at: pos[i], radius: avoidance[i].radius, target: targets[i] };
-        if near.find(four, standing[all_stats[i].plane as usize], &walker, straight)
-            && let Some(free) = near.free_direction(four, straight, vel[i])
+        let standing = standing[all_stats[i].plane as usize];
+        if near.find(four, standing, &walker, straight)
+            && let Some(free) = near.free_direction(four, standing, &walker, straight, vel[i])
         {
             preferred[i] = free * speed;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Generator;
+
+    /// The rule, one unit and one direction after the other.
+    fn first_free(units: &[(Vec2, f32)], walker: &Walker, straight: Vec2, vel: Vec2) -> Option<Vec2> {
+        let blocks = |&(at, radius): &(Vec2, f32), direction: Vec2| {
+            let (way, reach) = (at - walker.at, walker.radius + radius);
+            way.length_squared() < (reach + LOOK_AHEAD) * (reach + LOOK_AHEAD)
+                && way.dot(direction) > 0.0
+                && way.perp_dot(direction).abs() < reach * TOUCH
+        };
+        let side = if straight.perp_dot(vel) < 0.0 { -1.0 } else { 1.0 };
+        let turn = |direction: Vec2, side: f32| Vec2::new(TURN[0], TURN[1] * side).rotate(direction);
+        let (mut left, mut right) = (straight, straight);
+        let turned = (0..DIRECTIONS / 2).flat_map(|_| {
+            (left, right) = (turn(left, side), turn(right, -side));
+            [left, right]
+        });
+        let is_free = |direction: &Vec2| !units.iter().any(|unit| blocks(unit, *direction));
+        std::iter::once(straight).chain(turned).find(is_free)
+    }
+
+    #[test]
+    fn a_unit_takes_the_first_free_direction_among_any_number_of_units() {
+        let mut generator = Generator::new(1);
+        let mut number = |least: f32, range: f32| least + range * generator.next_share() as f32;
+        let mut turned = 0;
+        for case in 0..2000 {
+            // Few units, so that some ways are free, and more than the bits of two words; most are far away.
+            let n_units = [0, 1, 3, 4, 5, 9, 63, 64, 65, 129, 150][case % 11];
+            let width = if n_units < 10 { 4.0 } else { 9.0 };
+            let units: Vec<(Vec2, f32)> = (0..n_units)
+                .map(|_| (Vec2::new(number(0.0, width), number(0.0, width)), number(0.2, 0.3)))
+                .collect();
+            let (mut standing, mut near) = (Standing::default(), Near::default());
+            standing.reserve(n_units + 1);
+            near.reserve(n_units + 1);
+            // Its target, which it may walk into, is among them.
+            let walker = Walker { at: Vec2::splat(width / 2.0), radius: 0.375, target: Some(n_units as u32) };
+            standing.add_if(true, n_units as u32, walker.at + Vec2::splat(0.1), 0.3);
+            for (&(at, radius), id) in units.iter().zip(0..) {
+                standing.add_if(true, id, at, radius);
+            }
+            let straight = Vec2::new(number(-1.0, 2.0), number(-1.0, 2.0)).normalize();
+            let vel = Vec2::new(number(-1.0, 2.0), number(-1.0, 2.0));
+            let expected = first_free(&units, &walker, straight, vel);
+            let groups = standing.padded();
+            let taken = match near.find(four(), groups, &walker, straight) {
+                true => near.free_direction(four(), groups, &walker, straight, vel),
+                false => Some(straight),
+            };
+            assert_eq!(taken, expected, "case {case}");
+            turned += usize::from(expected.is_some_and(|direction| direction != straight));
+        }
+        assert!(turned > 200, "{turned} cases with a detour");
     }
 }
