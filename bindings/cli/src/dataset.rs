@@ -8,6 +8,7 @@ use crate::number::{count, seed};
 use crate::opponent::scripts;
 use crate::process::interrupt_flag;
 use crate::table::Table;
+use crate::usage::file_ending_in;
 use clap::{Args, Subcommand, ValueEnum};
 use smaclite_engine::policy::{Scripted, Tactic};
 use smaclite_engine::{BattleSetup, Opponents, Rules};
@@ -87,7 +88,7 @@ struct Record {
     #[arg(long, value_name = "N", value_parser = count(THREADS))]
     threads: Option<usize>,
     /// The dataset file, NAME.smdata; a file of that name is replaced
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = file_ending_in(DATASET_SUFFIX))]
     out: PathBuf,
 }
 
@@ -157,9 +158,6 @@ impl DatasetCommand {
 
 impl Record {
     fn run(self) -> CommandResult {
-        if self.out.extension().is_none_or(|suffix| suffix != DATASET_SUFFIX) {
-            return Err(format!("--out must end in .{DATASET_SUFFIX}, got `{}`", self.out.display()).into());
-        }
         let amount = match (self.steps, self.episodes) {
             (Some(steps), _) => Amount::Steps(steps),
             (_, episodes) => Amount::Episodes(episodes.unwrap_or(1)),

@@ -5,13 +5,14 @@ use crate::check::warn_of;
 use crate::number::{count, seed};
 use crate::opponent::{OpponentOption, warn_of_other_rules};
 use crate::process::interrupt_flag;
+use crate::usage::file_ending_in;
 use clap::Args;
 use smaclite_engine::IllegalAction;
 use smaclite_learn::{
     Evaluation, EvaluationEvent, EvaluationResult, RunDescription, Weights, evaluate, resolve_scenario,
 };
 use smaclite_pool::PoolOptions;
-use smaclite_view::Recorder;
+use smaclite_view::{Recorder, SUFFIX};
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
@@ -50,7 +51,7 @@ pub(super) struct Evaluate {
     #[arg(long)]
     json: bool,
     /// Write a replay of the episodes of environment 0, FILE.smreplay; a file of that name is replaced
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = file_ending_in(SUFFIX))]
     record: Option<PathBuf>,
 }
 
@@ -90,7 +91,7 @@ impl Evaluate {
             Evaluation { episodes, seed, weights, greedy, threads, opponents, opponent_team, map };
         let mut recording = match &self.record {
             Some(file) => {
-                replay::check_file("--record", file)?;
+                replay::check_folder_of("--record", file)?;
                 Some(Recording::new(&self.folder, &evaluation)?)
             }
             None => None,

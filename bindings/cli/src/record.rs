@@ -6,6 +6,7 @@ use super::{CommandResult, completions, replay, runtime_dir};
 use crate::check::warn_of;
 use crate::number::{count, seed};
 use crate::opponent::scripts;
+use crate::usage::file_ending_in;
 use clap::Args;
 use smaclite_engine::policy::{Scripted, UnknownPolicy};
 use smaclite_engine::{BattleSetup, Generator, Opponent, Opponents, Rules, Sides, Snapshot};
@@ -13,7 +14,7 @@ use smaclite_ipc::{ClientError, ControlSocketError, WaitOptions};
 use smaclite_learn::resolve_scenario;
 use smaclite_pool::MAX_ENVS;
 use smaclite_recorder::PoolRecorder;
-use smaclite_view::{Recorder, Replay};
+use smaclite_view::{Recorder, Replay, SUFFIX};
 use std::error::Error;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
@@ -65,7 +66,7 @@ pub(super) struct Record {
     #[arg(long, default_value = "smaclite")]
     rules: Rules,
     /// The replay file, NAME.smreplay; a file of that name is replaced
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = file_ending_in(SUFFIX))]
     out: PathBuf,
 }
 
@@ -77,7 +78,7 @@ type WhyEarly = Option<Box<dyn Error>>;
 
 impl Record {
     pub(super) fn run(self) -> CommandResult {
-        replay::check_file("--out", &self.out)?;
+        replay::check_folder_of("--out", &self.out)?;
         let (recorded, why_early) = match &self.pool {
             Some(pool) => self.follow(pool)?,
             None => (self.play()?, None),

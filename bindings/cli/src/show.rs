@@ -3,6 +3,7 @@
 use super::number::{seed, whole};
 use super::picture::{Size, ThemeName, write_file};
 use super::snapshot::{SavedBattle, is_snapshot};
+use super::usage::file_ending_in;
 use super::{CommandResult, completions};
 use clap::Args;
 use smaclite_engine::{Arena, Battle, Rules, Units};
@@ -35,7 +36,7 @@ pub(super) struct Show {
     #[arg(long, conflicts_with = "scenario", requires = "png")]
     all: bool,
     /// Write a picture to this PNG file, instead of printing the map; a file of that name is replaced
-    #[arg(long, value_name = "OUT")]
+    #[arg(long, value_name = "OUT", value_parser = file_ending_in("png"))]
     png: Option<PathBuf>,
     /// Width and height of the picture, or of each one with --all, in pixels [default: 512x512; 256x256]
     #[arg(long, value_name = "WxH", requires = "png")]
@@ -120,9 +121,6 @@ impl Show {
 
     fn write_png(&self, picture: &Picture) -> CommandResult {
         let Some(png) = &self.png else { return Ok(()) };
-        if png.extension().is_none_or(|suffix| suffix != "png") {
-            return Err(format!("--png must end in .png, got `{}`", png.display()).into());
-        }
         write_file(png, |output| picture.write_png(output))
     }
 

@@ -1,10 +1,12 @@
 //! How the arguments are read, beyond what clap does: negative numbers, and suggestions for wrong options.
 
 use super::Cli;
+use clap::builder::{PathBufValueParser, TypedValueParser};
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Arg, Command, CommandFactory, FromArgMatches};
 use smaclite_units::file::{did_you_mean, printable_text};
 use std::ffi::OsString;
+use std::path::PathBuf;
 use std::str::FromStr;
 use tracing_subscriber::filter::{LevelFilter, Targets};
 
@@ -52,6 +54,14 @@ fn improve(mut error: clap::Error, command: &Command, args: &[OsString]) -> clap
         error.insert(ContextKind::SuggestedArg, ContextValue::Strings(options));
     }
     error
+}
+
+/// A parser of files of one suffix, given without its dot.
+pub(super) fn file_ending_in(suffix: &'static str) -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(move |file| match file.extension() {
+        Some(found) if found == suffix => Ok(file),
+        _ => Err(format!("must end in .{suffix}")),
+    })
 }
 
 /// An argument that must be text is none: clap does not say which.

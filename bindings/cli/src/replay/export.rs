@@ -9,7 +9,7 @@ use smaclite_units::file::os::partial_folder;
 use smaclite_units::file::partial_file;
 use smaclite_view::{Moment, Options, Picture, Renderer, write_gif};
 use std::io::{ErrorKind, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 /// What is written.
@@ -27,23 +27,32 @@ pub(super) enum Format {
     Snapshot,
 }
 
-#[derive(Debug, thiserror::Error)]
-#[error("--to must end in .html, .gif, .mp4 or .snapshot, or be a new folder without a suffix, got `{0}`")]
-pub(super) struct UnknownSuffix(String);
+/// A file or folder to write, and the format that its name says.
+#[derive(Clone, Debug)]
+pub(super) struct Target {
+    pub path: PathBuf,
+    pub format: Format,
+}
+
+impl Target {
+    pub(super) fn new(path: PathBuf) -> Result<Target, &'static str> {
+        let format = match path.extension().map(|suffix| suffix.to_string_lossy()).as_deref() {
+            Some("html") => Format::Page,
+            Some("gif") => Format::Gif,
+            Some("mp4") => Format::Mp4,
+            Some(snapshot::SUFFIX) => Format::Snapshot,
+            None if path.file_name().is_some() => Format::Frames,
+            _ => {
+                return Err(
+                    "must end in .html, .gif, .mp4 or .snapshot, or be a new folder without a suffix",
+                );
+            }
+        };
+        Ok(Target { path, format })
+    }
+}
 
 impl Format {
-    /// The format of a file name.
-    pub(super) fn of(path: &Path) -> Result<Format, UnknownSuffix> {
-        match path.extension().map(|suffix| suffix.to_string_lossy()).as_deref() {
-            Some("html") => Ok(Format::Page),
-            Some("gif") => Ok(Format::Gif),
-            Some("mp4") => Ok(Format::Mp4),
-            Some(snapshot::SUFFIX) => Ok(Format::Snapshot),
-            None if path.file_name().is_some() => Ok(Format::Frames),
-            _ => Err(UnknownSuffix(path.display().to_string())),
-        }
-    }
-
     /// Its name in messages.
     pub(super) fn name(self) -> &'static str {
         match self {
@@ -59,8 +68,7 @@ impl Format {
 /// Writes an episode, one frame per tick. Animations show the last moment for one second, so that the end is
 /// seen before they repeat.
 pub(super) fn write(
-    format: Format,
-    to: &Path,
+    to: &Target,
     scenario: &Scenario,
     options: Options,
     moments: &[Moment],
@@ -69,11 +77,12 @@ pub(super) fn write(
     let renderer = Renderer::new(scenario, options)?;
     let draw = |i: usize| renderer.render_recent(&moments[..=i.min(moments.len() - 1)]);
     let n_frames = moments.len() + fps.round() as usize;
-    match format {
-        Format::Gif => write_file(to, |output| write_gif(output, n_frames, &draw, fps)),
-        Format::Mp4 => write_mp4(to, options, (0..n_frames).map(draw), fps),
-        Format::Frames => write_folder(to, (0..moments.len()).map(draw)),
-        Format::Page | Format::Snapshot => Err(format!("{} is not made of frames", format.name()).into()),
+    let path = &to.path;
+    match to.format {
+        Format::Gif => write_file(path, |output| write_gif(output, n_frames, &draw, fps)),
+        Format::Mp4 => write_mp4(path, options, (0..n_frames).map(draw), fps),
+        Format::Frames => write_folder(path, (0..moments.len()).map(draw)),
+        Format::Page | Format::Snapshot => Err(format!("{} is not made of frames", to.format.name()).into()),
     }
 }
 

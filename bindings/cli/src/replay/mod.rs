@@ -6,9 +6,10 @@ use super::CommandResult;
 use super::picture::{Size, ThemeName, write_file};
 use crate::number::count;
 use clap::Args;
-use export::Format;
+use clap::builder::{PathBufValueParser, TypedValueParser};
+use export::{Format, Target};
 use smaclite_engine::{RecordLayout, RecordSizes};
-use smaclite_view::{Episode, Options, Replay as ReplayFile, SUFFIX, View};
+use smaclite_view::{Episode, Options, Replay as ReplayFile, View};
 use std::path::{Path, PathBuf};
 
 #[derive(Args)]
@@ -24,8 +25,8 @@ pub(super) struct Replay {
     /// What to write: NAME.html (a page with all episodes), NAME.gif (an animation), NAME.mp4 (needs ffmpeg),
     /// a new folder for one PNG file per tick, or NAME.snapshot (the state before a step, from which battles
     /// branch); a file of that name is replaced
-    #[arg(long, value_name = "OUT")]
-    to: Option<PathBuf>,
+    #[arg(long, value_name = "OUT", value_parser = PathBufValueParser::new().try_map(Target::new))]
+    to: Option<Target>,
     /// The episode of an animation, folder or snapshot, counted from 0 [default: 0]
     #[arg(long, value_name = "N", requires = "to", value_parser = count(0..=usize::MAX))]
     episode: Option<usize>,
@@ -58,20 +59,19 @@ const MARGIN: f32 = 2.0;
 impl Replay {
     pub(super) fn run(self) -> CommandResult {
         // Options are checked before the battles are played again.
-        let format = self.to.as_deref().map(Format::of).transpose()?;
-        if let Some(format) = format {
-            self.check_options(format)?;
+        if let Some(to) = &self.to {
+            self.check_options(to.format)?;
         }
         let replay = ReplayFile::read(&self.file)?;
         let file = self.file.display();
-        match (&self.to, format) {
-            (Some(to), Some(Format::Page)) => {
+        match &self.to {
+            Some(Target { path, format: Format::Page }) => {
                 let page = smaclite_view::export_html(&replay).map_err(|error| format!("{file}: {error}"))?;
-                write_file(to, |output| output.write_all(page.as_bytes()))?;
+                write_file(path, |output| output.write_all(page.as_bytes()))?;
             }
-            (Some(to), Some(Format::Snapshot)) => self.save_snapshot(&replay, to)?,
-            (Some(to), Some(format)) => self.animate(&replay, to, format)?,
-            _ => self.print_summary(&replay)?,
+            Some(Target { path, format: Format::Snapshot }) => self.save_snapshot(&replay, path)?,
+            Some(to) => self.animate(&replay, to)?,
+            None => self.print_summary(&replay)?,
         }
         Ok(())
     }
@@ -102,7 +102,7 @@ impl Replay {
         }
     }
 
-    fn animate(&self, replay: &ReplayFile, to: &Path, format: Format) -> CommandResult {
+    fn animate(&self, replay: &ReplayFile, to: &Target) -> CommandResult {
         let failed = |error| format!("{}: {error}", self.file.display());
         let player = replay.play(self.episode.unwrap_or(0)).map_err(failed)?;
         let moments = player.collect::<Result<Vec<_>, _>>().map_err(failed)?;
@@ -113,7 +113,7 @@ impl Replay {
         }
         options.theme = self.theme.unwrap_or_default().into();
         let fps = self.fps.unwrap_or(TICKS_PER_SECOND);
-        export::write(format, to, replay.scenario(), options, &moments, fps)
+        export::write(to, replay.scenario(), options, &moments, fps)
     }
 
     /// Writes the state before a step, as a record that pools of the same scenario restore.
@@ -143,17 +143,8 @@ impl Replay {
     }
 }
 
-/// Refuses a file for a replay, given by an option, of another suffix or in a folder that does not exist,
-/// before battles are played for it.
-pub(crate) fn check_file(option: &str, file: &Path) -> CommandResult {
-    if file.extension().is_none_or(|suffix| suffix != SUFFIX) {
-        return Err(format!("{option} must end in .{SUFFIX}, got `{}`", file.display()).into());
-    }
-    check_folder_of(option, file)
-}
-
-/// Refuses a path whose folder does not exist.
-fn check_folder_of(option: &str, path: &Path) -> CommandResult {
+/// Refuses a path, given by an option, whose folder does not exist, before battles are played for it.
+pub(crate) fn check_folder_of(option: &str, path: &Path) -> CommandResult {
     match path.parent().filter(|folder| !folder.as_os_str().is_empty() && !folder.is_dir()) {
         None => Ok(()),
         Some(folder) => {

@@ -71,8 +71,8 @@ fn a_run_is_recorded_by_its_qualities() {
     check_error(
         folder,
         &format!("{record} --quality good --out a.npy"),
-        1,
-        "must end in .smdata, got `a.npy`",
+        2,
+        "'a.npy' for '--out <FILE>': must end in .smdata",
     );
     check_error(folder, &format!("{record} --scenario 3m --out a.smdata"), 1, "has no effect on a run");
     output(folder, &format!("train 3m --steps 256 {small} --out plain"));

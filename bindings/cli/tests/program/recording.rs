@@ -148,7 +148,7 @@ fn what_cannot_be_recorded_is_an_error() {
     let error = |arguments, status, expected| check_error(folder.path(), arguments, status, expected);
     let policies = "unknown policy `greedy`; the policies are random, nearest, focus_fire, kite, hold";
     error("record 3m --policy greedy --out a.smreplay", 2, policies);
-    error("record 3m --out a.json", 1, "--out must end in .smreplay, got `a.json`");
+    error("record 3m --out a.json", 2, "'a.json' for '--out <FILE>': must end in .smreplay");
     error("record 3m --episodes 0 --out a.smreplay", 2, "number between 1 and 10000");
     error(
         "record 3m --seed -1 --out a.smreplay",
@@ -169,9 +169,10 @@ fn what_cannot_be_replayed_is_an_error() {
     let (folder, _) = recorded();
     let folder = folder.path();
     let error = |arguments, status, expected| check_error(folder, arguments, status, expected);
-    let suffixes = "--to must end in .html, .gif, .mp4 or .snapshot, or be a new folder without a suffix";
-    error("replay 3m.smreplay --to battle.avi", 1, suffixes);
-    error("replay 3m.smreplay --to ..", 1, suffixes);
+    let suffixes =
+        "'--to <OUT>': must end in .html, .gif, .mp4 or .snapshot, or be a new folder without a suffix";
+    error("replay 3m.smreplay --to battle.avi", 2, suffixes);
+    error("replay 3m.smreplay --to ..", 2, suffixes);
     error("replay 3m.smreplay --to battle.mp4", 1, "needs the program ffmpeg, which is not installed");
     error("replay 3m.smreplay --to a.gif --episode 2", 1, "episode must be below 2");
     error(
@@ -259,7 +260,7 @@ fn a_standard_scenario_is_shown() {
     assert_eq!((count("S<"), count("Z<"), count("S>"), count("Z>")), (2, 3, 2, 3), "{printed}");
     output(folder.path(), "show 2s3z --png map.png");
     assert_eq!(png_size(&folder.path().join("map.png")), (512, 512));
-    check_error(folder.path(), "show 2s3z --png map.jpg", 1, "--png must end in .png, got `map.jpg`");
+    check_error(folder.path(), "show 2s3z --png map.jpg", 2, "'map.jpg' for '--png <OUT>': must end in .png");
     check_error(folder.path(), "show 2s3z --sight", 2, "--png");
     check_error(folder.path(), "show absent.json", 1, "absent.json");
 }

@@ -394,7 +394,7 @@ fn errors_say_what_is_accepted() {
     fs::write(folder.join("run/weights.safetensors"), "nothing").expect("a file");
     check_error(folder, "evaluate run", 1, "`run/weights.safetensors` is damaged or not a file of a run");
     check_error(folder, "evaluate run --episodes 0", 2, "number between 1 and 1000000");
-    check_error(folder, "evaluate run --record run.gif", 1, "--record must end in .smreplay, got `run.gif`");
+    check_error(folder, "evaluate run --record run.gif", 2, "'--record <FILE>': must end in .smreplay");
 }
 
 #[test]
