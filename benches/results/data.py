@@ -10,7 +10,16 @@ REPOSITORY = Path(__file__).resolve().parents[2]
 FOLDER = REPOSITORY / "docs" / "results"
 PROGRAM = REPOSITORY / "target" / "release" / "smaclite-pool"
 
-GROUPS = ("default", "flat", "generated", "open-loop", "other-critic", "paper-rules", "starcraft")
+GROUPS = (
+    "default",
+    "flat",
+    "generated",
+    "open-loop",
+    "other-critic",
+    "paper-rules",
+    "starcraft",
+    "starcraft-former",
+)
 """What `results.train` reports, in a folder each."""
 
 Row = dict[str, str]

@@ -22,6 +22,9 @@ EVALUATE_EVERY = 100_000
 
 FLAT = ("--network", "flat")
 
+SLOWEST = ("25m", "27m_vs_30m", "2c_vs_64zg", "bane_vs_bane", "so_many_baneling")
+"""Maps of which a run takes longest."""
+
 
 def former(scenario: str) -> list[str]:
     """The defaults when the runs with flat networks were made, but for the networks."""
@@ -48,7 +51,11 @@ GROUPS: dict[str, dict[str, list[str]]] = {
         scenario: [*FLAT, *other_critic(scenario)] for scenario in sp.scenarios(generated=False)
     },
     "paper-rules": {scenario: [*FLAT, *former(scenario), "--rules", "paper"] for scenario in ("MMM", "MMM2")},
-    "starcraft": {scenario: [*former(scenario), "--rules", "starcraft"] for scenario in sp.scenarios()},
+    "starcraft": {scenario: ["--rules", "starcraft"] for scenario in sp.scenarios(generated=False)},
+    "starcraft-former": {
+        scenario: [*former(scenario), "--rules", "starcraft"]
+        for scenario in (*SLOWEST, *sp.scenarios(generated=True))
+    },
 }
 """What is trained for each report: scenarios, with options other than the defaults. In the group `open-loop`,
 agents observe the time, their own number and their own last actions alone."""
@@ -61,6 +68,7 @@ KEPT = {
     "other-critic": ("runs.csv",),
     "paper-rules": ("runs.csv",),
     "starcraft": ("runs.csv",),
+    "starcraft-former": ("runs.csv",),
 }
 """Files of each report that the documentation keeps."""
 
