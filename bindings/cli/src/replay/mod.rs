@@ -5,8 +5,8 @@ mod export;
 use super::CommandResult;
 use super::picture::{Size, ThemeName, write_file};
 use crate::number::count;
-use clap::Args;
 use clap::builder::{PathBufValueParser, TypedValueParser};
+use clap::{Args, ValueHint};
 use export::{Format, Target};
 use smaclite_engine::{RecordLayout, RecordSizes};
 use smaclite_view::{Episode, Options, Replay as ReplayFile, View};
@@ -25,7 +25,8 @@ pub(super) struct Replay {
     /// What to write: NAME.html (a page with all episodes), NAME.gif (an animation), NAME.mp4 (needs ffmpeg),
     /// a new folder for one PNG file per tick, or NAME.snapshot (the state before a step, from which battles
     /// branch); a file of that name is replaced
-    #[arg(long, value_name = "OUT", value_parser = PathBufValueParser::new().try_map(Target::new))]
+    #[arg(long, value_name = "OUT", value_hint = ValueHint::AnyPath,
+        value_parser = PathBufValueParser::new().try_map(Target::new))]
     to: Option<Target>,
     /// The episode of an animation, folder or snapshot, counted from 0 [default: 0]
     #[arg(long, value_name = "N", requires = "to", value_parser = count(0..=usize::MAX))]
