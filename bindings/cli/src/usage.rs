@@ -127,7 +127,7 @@ mod tests {
     fn negative_numbers_are_errors_of_their_option() {
         for (args, expected) in [
             (
-                "x record 3m --out a --seed -1",
+                "x record 3m --out a.smreplay --seed -1",
                 "invalid value '-1' for '--seed <SEED>': must be a whole number",
             ),
             ("x train 3m --out run --steps -5", "'--steps <N>': must be a whole number between 1 and 28147"),
