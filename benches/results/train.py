@@ -58,7 +58,8 @@ GROUPS: dict[str, dict[str, list[str]]] = {
     },
 }
 """What is trained for each report: scenarios, with options other than the defaults. In the group `open-loop`,
-agents observe the time, their own number and their own last actions alone."""
+agents observe the time, their own number and their own last actions alone. The group `starcraft-former` has
+what the default was not trained on under these rules."""
 
 KEPT = {
     "default": ("runs.csv", "curves-win_rate.svg", "curves-win_rate-dark.svg"),

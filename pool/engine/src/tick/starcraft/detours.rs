@@ -219,7 +219,7 @@ mod tests {
         let mut number = |least: f32, range: f32| least + range * generator.next_share() as f32;
         let mut turned = 0;
         for case in 0..2000 {
-            // Few units, so that some ways are free, and more than the bits of two words; most are far away.
+            // Few units, so that some ways are free, and many, most of which are far away.
             let n_units = [0, 1, 3, 4, 5, 9, 63, 64, 65, 129, 150][case % 11];
             let width = if n_units < 10 { 4.0 } else { 9.0 };
             let units: Vec<(Vec2, f32)> = (0..n_units)
