@@ -13,13 +13,14 @@ use smaclite_ipc::{
     check_name,
 };
 use smaclite_learn::LaneOpponents;
-use smaclite_pool::fields::FieldSet;
+use smaclite_pool::fields::{FieldSet, UnknownField};
 use smaclite_pool::{Autoreset, MAX_ENVS, MAX_LAST_ACTIONS, PoolOptions};
 use smaclite_scenarios::ScenarioFiles;
 use smaclite_units::file::shortened;
 use std::error::Error;
 use std::hash::{BuildHasher, RandomState};
 use std::path::Path;
+use std::str::FromStr;
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  smaclite-pool serve 2s3z:64 --name train\n  \
@@ -30,7 +31,7 @@ pub(super) struct Serve {
     /// One lane per argument: a standard scenario or a scenario file, the number of environments N (default
     /// 64), and the lane's name (default: that of the scenario)
     #[arg(required = true, value_name = "[LANE=]SCENARIO[:N]", add = completions::lane())]
-    lanes: Vec<String>,
+    lanes: Vec<GivenLane>,
     /// Name of the pool, by which learners connect
     #[arg(long, default_value = "default")]
     name: String,
@@ -65,7 +66,7 @@ pub(super) struct Serve {
     #[arg(long, value_name = "KEY=JSON", value_parser = key_and_value)]
     set: Vec<(String, Value)>,
     /// Which sides actions play: allies, or both
-    #[arg(long, default_value = "allies", value_name = "SIDES")]
+    #[arg(long, default_value = "allies", value_name = "SIDES", value_parser = ["allies", "both"])]
     sides: String,
     /// With --sides both: reflect what the enemies see and do at the centre of the map
     #[arg(long)]
@@ -74,7 +75,7 @@ pub(super) struct Serve {
     #[arg(long)]
     zero_sum: bool,
     /// Fields of a batch, separated by commas [default: all]
-    #[arg(long, value_delimiter = ',', value_name = "NAME,...")]
+    #[arg(long, value_delimiter = ',', value_name = "NAME,...", value_parser = field)]
     fields: Option<Vec<String>>,
     /// How many of its own last actions an agent observes, 0 to 16: one-hot vectors after its other features
     #[arg(long, default_value_t = 0, value_name = "K", value_parser = count(0..=MAX_LAST_ACTIONS))]
@@ -104,8 +105,44 @@ fn episode_limit(text: &str) -> Result<EpisodeLimit, InvalidEpisodeLimit> {
     }
 }
 
+/// The name of a field.
+fn field(name: &str) -> Result<String, UnknownField> {
+    FieldSet::from_names([name]).map(|_| name.to_owned())
+}
+
 /// Environments of a lane without a number.
 const DEFAULT_ENVS: usize = 64;
+
+/// A lane as it is given.
+#[derive(Clone)]
+struct GivenLane {
+    text: String,
+    name: Option<String>,
+    scenario: String,
+    num_envs: usize,
+}
+
+impl FromStr for GivenLane {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<GivenLane, String> {
+        let (name, rest) = match text.split_once('=') {
+            Some((name, rest)) => (Some(name.to_owned()), rest),
+            None => (None, text),
+        };
+        name.as_deref().map_or(Ok(()), |name| check_name(name).map_err(|why| why.to_string()))?;
+        let (scenario, num_envs) = match rest.rsplit_once(':') {
+            Some((scenario, given)) => {
+                let num_envs = count(1..=MAX_ENVS)(given);
+                let wrong = |error| format!("the number of environments after `:` {error}; got `{given}`");
+                (scenario, num_envs.map_err(wrong)?)
+            }
+            None => (rest, DEFAULT_ENVS),
+        };
+        let (text, scenario) = (text.to_owned(), scenario.to_owned());
+        Ok(GivenLane { text, name, scenario, num_envs })
+    }
+}
 
 impl Serve {
     pub(super) fn run(self) -> CommandResult {
@@ -142,28 +179,16 @@ impl Serve {
         Ok(SupervisorConfig { name: self.name.clone(), lanes, options, runtime_dir })
     }
 
-    fn lane(&self, text: &str) -> Result<LaneConfig, Box<dyn Error>> {
-        let (name, rest) = match text.split_once('=') {
-            Some((name, rest)) => (Some(name.to_owned()), rest),
-            None => (None, text),
-        };
-        let (scenario, num_envs) = match rest.rsplit_once(':') {
-            Some((scenario, given)) => {
-                let num_envs = count(1..=MAX_ENVS)(given).map_err(|error| {
-                    format!("lane `{text}`: the number of environments after `:` {error}; got `{given}`")
-                })?;
-                (scenario, num_envs)
-            }
-            None => (rest, DEFAULT_ENVS),
-        };
+    fn lane(&self, given: &GivenLane) -> Result<LaneConfig, Box<dyn Error>> {
+        let GivenLane { text, name, scenario, num_envs } = given;
         let (mut scenario, mut files) = ScenarioFiles::resolve(scenario)?;
         if !self.set.is_empty() {
             files = files.with_keys(self.set.iter().cloned());
             scenario = files.scenario()?;
         }
         warn_of(&files);
-        let name = name.unwrap_or_else(|| scenario.name.clone());
-        check_name(&name).map_err(|why| format!("lane `{text}`: {why}; choose a name with LANE={rest}"))?;
+        let name = name.clone().unwrap_or_else(|| scenario.name.clone());
+        check_name(&name).map_err(|why| format!("lane `{text}`: {why}; choose a name with LANE={text}"))?;
         let episode_limit = self.episode_limit.unwrap_or_default();
         let sides = Sides::new(&self.sides, EnemySide { mirror: self.mirror, zero_sum: self.zero_sum })?;
         sides.check(&scenario)?;
@@ -176,8 +201,8 @@ impl Serve {
         if let Some(team) = &team {
             warn_of_other_rules(Path::new(&team.name), self.rules)?;
         }
-        let mut lane = LaneConfig { team, ..LaneConfig::new(name, setup, num_envs) };
-        lane.settings.batch_size = self.batch_size.unwrap_or(num_envs);
+        let mut lane = LaneConfig { team, ..LaneConfig::new(name, setup, *num_envs) };
+        lane.settings.batch_size = self.batch_size.unwrap_or(*num_envs);
         lane.settings.autoreset = self.autoreset_mode;
         lane.settings.obs_last_actions = self.obs_last_actions;
         lane.settings.obs_agent_id = self.obs_agent_id;

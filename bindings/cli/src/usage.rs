@@ -139,6 +139,20 @@ mod tests {
         }
     }
 
+    /// They were read after the options, with exit status 1.
+    #[test]
+    fn lanes_sides_and_fields_are_read_with_the_options() {
+        for (args, expected) in [
+            ("x serve 3m:0", "after `:` must be a whole number between 1 and 1000000"),
+            ("x serve a/b=3m", "`a/b` cannot be a name"),
+            ("x serve 3m --sides foo", "[possible values: allies, both]"),
+            ("x serve 3m --fields obs,obz", "unknown field `obz`; the fields are env_id"),
+        ] {
+            let message = message(args);
+            assert!(message.contains(expected), "{args}: {message}");
+        }
+    }
+
     #[test]
     fn unknown_options_suggest_those_with_the_same_word() {
         for (args, expected) in [
