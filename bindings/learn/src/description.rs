@@ -3,7 +3,7 @@
 use crate::architecture::{Architecture, Inputs};
 use crate::checkpoint::read_actor;
 use crate::config::{Config, ConfigError, Enemies, NetworkKind, UnknownKeyword};
-use crate::lane_error::LaneError;
+use crate::lane_error::{LaneError, check_equal_sides};
 use crate::lanes::{Lanes, sizes_with_history};
 use crate::team::{Network, OnScenario};
 use crate::tensors::{FileError, exists, read, write};
@@ -171,6 +171,17 @@ impl RunDescription {
         Ok(other)
     }
 
+    /// The run as its team plays the enemies of these battles: on them, if its networks fit every scenario.
+    fn as_enemies(self, folder: &Path, setup: &BattleSetup) -> Result<RunDescription, LaneError> {
+        if self.config.network != NetworkKind::Universal {
+            return Ok(self);
+        }
+        check_equal_sides(folder, &setup.files.scenario()?)?;
+        let run = RunDescription::new(self.config, setup.clone())?;
+        run.inputs.check(&run.config)?;
+        Ok(run)
+    }
+
     /// What the lanes of the run play, on its first map.
     pub fn lanes_setup(&self) -> BattleSetup {
         self.config.enemies.setup(&self.setup)
@@ -291,21 +302,20 @@ pub(crate) fn read_team_of(
     Ok((run, weights, actor))
 }
 
-/// The policy of the team in a folder, if it can play the enemies of these lanes.
-pub(crate) fn read_rival<E>(folder: &Path, lanes: &Lanes) -> Result<Network, E>
+/// The policy of the team in a folder, if it can play the enemies of these lanes, which play `setup`.
+pub(crate) fn read_rival<E>(
+    folder: &Path,
+    weights: Option<Weights>,
+    setup: &BattleSetup,
+    lanes: &Lanes,
+) -> Result<Network, E>
 where
     E: From<FileError> + From<LaneError>,
 {
-    let (run, _, actor) = read_team(folder, None)?;
+    let run = RunDescription::read(folder)?.as_enemies(folder, setup)?;
     lanes.check_rival(folder, run.sizes)?;
-    if run.config.network != NetworkKind::Universal {
-        return Ok(actor);
-    }
-    // Both sides of the lanes have the same units, which may be others than those of its training.
-    let stored = run.read_actor(&folder.join(Weights::of(folder, &run).file_name()))?;
-    let here = RunDescription { inputs: lanes.inputs().clone(), ..run };
-    here.inputs.check(&here.config).map_err(LaneError::from)?;
-    Ok(here.playing(stored))
+    let (_, _, actor) = read_team_of(folder, run, weights)?;
+    Ok(actor)
 }
 
 /// Copies what [`read_rival`] reads.

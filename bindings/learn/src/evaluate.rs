@@ -154,7 +154,7 @@ pub fn evaluate(
     let mut lanes = Lanes::start(&setup, num_envs, run.config.last_actions, threads, runtime_dir)?;
     let league = match &evaluation.opponent_team {
         None => League::default(),
-        Some(folder) => League::of_one(num_envs, read_rival::<EvaluateError>(folder, &lanes)?),
+        Some(folder) => League::of_one(num_envs, read_rival::<EvaluateError>(folder, None, &setup, &lanes)?),
     };
     let teams = Teams { own: &network, league: &league };
     lanes.reset(seed)?;

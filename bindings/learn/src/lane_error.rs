@@ -2,7 +2,21 @@
 
 use crate::config::ConfigError;
 use smaclite_ipc::{ClientError, ConnectError, StartError};
-use smaclite_scenarios::Problems;
+use smaclite_scenarios::{Problems, Scenario};
+use std::path::Path;
+
+/// A team for every map cannot play the enemies of a scenario.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "opponent `{0}` is a team for every map, which sees the enemies as its own units: it plays them where both \
+     sides have the same units and shields"
+)]
+pub struct UnequalUnits(String);
+
+/// Checks that a team for every map can play the enemies of a scenario.
+pub(crate) fn check_equal_sides(team: &Path, scenario: &Scenario) -> Result<(), UnequalUnits> {
+    if scenario.has_equal_sides() { Ok(()) } else { Err(UnequalUnits(team.display().to_string())) }
+}
 
 /// Why a team cannot play on lanes.
 #[derive(Debug, thiserror::Error)]
@@ -48,6 +62,8 @@ pub enum LaneError {
          actions in observations, are {expected}"
     )]
     OtherTeam { folder: String, given: String, scenario: String, last_actions: usize, expected: String },
+    #[error(transparent)]
+    UnequalUnits(#[from] UnequalUnits),
     #[error("lane `{lane}` is named twice")]
     Twice { lane: String },
     #[error("lane `{lane}` plays sides `{given}`, but the run needs `{expected}`")]

@@ -3,6 +3,7 @@
 use crate::actor::{Actor, Draw, Rows};
 use crate::config::NetworkKind;
 use crate::description::OtherMap;
+use crate::lane_error::{UnequalUnits, check_equal_sides};
 use crate::policy::Choice;
 use crate::random::Purpose;
 use crate::trained_team::{TrainedTeam, UnfitTeam};
@@ -56,11 +57,8 @@ pub enum LaneOpponentsError {
          its interface is that of agents"
     )]
     Smacv2(String),
-    #[error(
-        "opponent `{0}` is a team for every map, which sees the enemies as its own units: it plays them \
-         where both sides have the same units and shields"
-    )]
-    UnequalSides(String),
+    #[error(transparent)]
+    UnequalUnits(#[from] UnequalUnits),
     #[error("opponent `{0}`: {1}")]
     Unfit(String, UnfitTeam),
     #[error(transparent)]
@@ -141,8 +139,8 @@ impl LaneOpponents {
         if scenario.smacv2.is_some() {
             return Err(LaneOpponentsError::Smacv2(name));
         }
-        if team.run.config.network == NetworkKind::Universal && !scenario.has_equal_sides() {
-            return Err(LaneOpponentsError::UnequalSides(name));
+        if team.run.config.network == NetworkKind::Universal {
+            check_equal_sides(Path::new(&name), &scenario)?;
         }
         let setup = BattleSetup { opponents, sides: Sides::MIRRORED, ..setup };
         let unfit = |why| LaneOpponentsError::Unfit(name.clone(), why);

@@ -87,7 +87,7 @@ pub use evaluations::{
     BothEpisodes, EVALUATION_EPISODES, EvaluationFiles, EvaluationRow, Evaluator, FINAL_EPISODES,
     FinalResult, Occasion, Summary,
 };
-pub use lane_error::LaneError;
+pub use lane_error::{LaneError, UnequalUnits};
 pub use lane_opponents::{LaneOpponents, LaneOpponentsError};
 pub use lanes::Lanes;
 pub use policy::Choice;

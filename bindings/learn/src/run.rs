@@ -19,7 +19,7 @@
 use crate::checkpoint::{Checkpoint, read_actor, write_actor, write_weights};
 use crate::config::Config;
 use crate::description::{
-    LOG, OPPONENT, RunDescription, WEIGHTS, Weights, copy_team, read_rival, read_team, write_description,
+    LOG, OPPONENT, RunDescription, WEIGHTS, Weights, copy_team, read_rival, write_description,
 };
 use crate::evaluations::{EvaluationFiles, EvaluationRow, Evaluations, Trained};
 use crate::lane_error::LaneError;
@@ -156,7 +156,8 @@ impl Run {
             Some(run) => Err(TrainError::SeedsInFolder { run, folder: folder.to_owned() }),
         };
         check_free()?;
-        let rival = rival_folder.as_deref().map(|folder| read_rival::<TrainError>(folder, &lanes[0]));
+        let rival =
+            rival_folder.as_deref().map(|folder| read_rival::<TrainError>(folder, None, &setup, &lanes[0]));
         let rival = rival.transpose()?;
         let training = Training::new(config, lanes, threads, rival)?;
         fs::create_dir_all(folder).map_err(|source| FileError::Write { path: folder.to_owned(), source })?;
@@ -220,8 +221,18 @@ impl Run {
             return Err(LaneError::Maps { given, expected }.into());
         }
         let actor = description.actor();
+        let mut given = match config.enemies.folder() {
+            None => None,
+            Some(_) => {
+                let (folder, weights) = (folder.join(OPPONENT), Some(Weights::Last));
+                Some(read_rival::<TrainError>(&folder, weights, &setup, &lanes[0])?)
+            }
+        };
         let mut read_rival = |number| match number {
-            0 => read_team(&folder.join(OPPONENT), Some(Weights::Last)).map(|(_, _, network)| network),
+            0 => given.take().ok_or_else(|| {
+                let why = "it has a team that the run was not given".to_owned();
+                FileError::Damaged { path: path.clone(), why }
+            }),
             number => read_actor(&copy_path(folder, number), actor.clone()),
         };
         let state = Checkpoint::read(&path, &config, &description.inputs, &mut read_rival)?;

@@ -1,10 +1,10 @@
 //! Teams of networks that fit every scenario: trained on one map or on several, and played on any.
 
-use crate::kit::{Place, check_resumed, complete, evaluated, evaluation, small};
+use crate::kit::{Place, check_resumed, complete, evaluated, evaluation, scenario, small};
 use smaclite_engine::{BattleSetup, Rules};
 use smaclite_learn::{
-    Algorithm, Config, Evaluation, EvaluationResult, Lanes, NetworkKind, Run, RunDescription, SelfPlay,
-    TrainedTeam, evaluate, resolve_scenario,
+    Algorithm, Config, Enemies, Evaluation, EvaluationResult, Lanes, NetworkKind, Run, RunDescription,
+    SelfPlay, TrainedTeam, adapt_team, evaluate, resolve_scenario,
 };
 use std::sync::Arc;
 
@@ -88,6 +88,31 @@ fn a_resumed_run_on_several_maps_has_the_same_bits_on_any_number_of_threads() {
     assert_eq!(error, "the maps have [1, 5, 6] environments, but those of the checkpoint [2, 4, 6]");
 }
 
+/// It was asked for the sizes of its own map, and a run that was resumed took the enemies for those of its map.
+#[test]
+fn a_team_plays_the_enemies_of_a_map_that_it_was_not_trained_on() {
+    let place = Place::new();
+    complete(begin(&place, "team", &setups(&["2s3z"]), &universal(small()), 1));
+    let enemies = Enemies::Team { folder: place.path("team") };
+    let config = Config { enemies, steps: 34 * 158, epochs: 1, ..small() };
+    check_resumed(&config, &place);
+    adapt_team(&place.path("team"), None, scenario(), &place.path("adapted")).unwrap();
+    let evaluate_against = |opponent: &str| {
+        let opponent_team = Some(place.path(opponent));
+        let evaluation = Evaluation { opponent_team, ..evaluation(32) };
+        let played =
+            evaluate(&place.path("whole"), evaluation, &place.runtime_dir, &mut || false, &mut |_| {});
+        let played = played.unwrap();
+        (played.win_rate, played.mean_return, played.mean_length)
+    };
+    assert_eq!(evaluate_against("team"), evaluate_against("adapted"));
+
+    let unequal = resolve_scenario("5m_vs_6m", Rules::default()).unwrap();
+    let lanes = Lanes::start(&config.enemies.setup(&unequal), 10, 0, 1, &place.runtime_dir).unwrap();
+    let error = Run::begin(&place.path("new"), config, &unequal, lanes, 1).err().unwrap().to_string();
+    assert!(error.ends_with("it plays them where both sides have the same units and shields"), "{error}");
+}
+
 /// The program and Python play single battles with it, on a map of the caller's.
 #[test]
 fn a_team_is_opened_on_another_map() {
@@ -121,7 +146,7 @@ fn what_is_for_one_map_is_refused() {
     assert_eq!(error, "network must be `universal` with several maps, got `flat`");
     let error = refuse(universal(evaluated()));
     assert!(error.starts_with("evaluate_every must be left out with several maps"), "{error}");
-    let enemies = smaclite_learn::Enemies::SelfPlay(SelfPlay::LEAGUE);
+    let enemies = Enemies::SelfPlay(SelfPlay::LEAGUE);
     let error = refuse(universal(Config { enemies, ..small() }));
     assert!(error.starts_with("network must be `flat` or `units` where a team plays"), "{error}");
 }
