@@ -40,7 +40,8 @@ fn fields(side: Faction) -> [Field; 2] {
 ///
 /// Raises:
 ///     InvalidRequest: the name or the side is unknown, the lane omits a field, the seed is out of range, or
-///         states have no units (`obs_instead_of_state` of `smacv2`), which all policies but `random` read.
+///         states do not say what the units are (`obs_instead_of_state` of `smacv2`; drawn types without
+///         numbers), which all policies but `random` read.
 ///     TypeError: the seed is not an integer.
 ///     NoSuchPool: the pool that `envs` attached to has ended.
 #[pyclass(frozen, module = "smaclite_pool")]
@@ -86,8 +87,8 @@ impl ScriptedPolicy {
             )));
         }
         let scenario = envs.scenario_of_lane(py)?;
-        if side == Faction::Ally && name != "random" {
-            require_units_in_states(&format!("the policy {name} reads"), &scenario)?;
+        if name != "random" {
+            require_units_in_states(&format!("the policy {name} reads"), &scenario, side)?;
         }
         let arena = Arena::new(&scenario, envs.rules()?);
         Ok(ScriptedPolicy { name, side, fields, arena, scripted: Mutex::new(scripted) })

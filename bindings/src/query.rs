@@ -36,8 +36,8 @@ pub fn scenarios(generated: Option<bool>) -> Vec<&'static str> {
 ///         `uptime_s` (seconds), `shared_memory` (bytes reserved for batches) and `lanes`, a list of dicts,
 ///         each with `description` (what never changes about it), `learner_pid` (process id of the
 ///         attached learner or None), `spectators` (how many are attached), `stats` (`steps`, `episodes`,
-///         `wins`, `returns` (their sum), `frames`, `rejected`, `accepted` and `waited_ns`, counted since the
-///         pool started), `steps_per_s` and `queue_wait_us` (averages over the last second) and `failure`
+///         `wins`, `returns` and `lengths` (sums over the episodes that ended), `frames`, `rejected`,
+///         `accepted` and `waited_ns`, counted since the pool started), `steps_per_s` and `queue_wait_us` (averages over the last second) and `failure`
 ///         (error text of a failed lane or None).
 ///
 /// Raises:

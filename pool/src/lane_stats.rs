@@ -14,6 +14,8 @@ pub struct LaneStats {
     pub wins: u64,
     /// Sum of the returns of the episodes that ended.
     pub returns: f64,
+    /// Sum of their lengths, in steps.
+    pub lengths: u64,
     /// Frames published with a batch.
     pub frames: u64,
     /// Refused requests.
@@ -25,14 +27,15 @@ pub struct LaneStats {
 }
 
 impl LaneStats {
-    /// Counts a step, after which the return of the episode is `episode_return`.
+    /// Counts a step, after which the episode has this return and length.
     #[inline]
-    pub(crate) fn count(&mut self, step: &Step, episode_return: f64) {
+    pub(crate) fn count(&mut self, step: &Step, episode_return: f64, episode_length: u32) {
         self.steps += 1;
         if step.terminated || step.truncated {
             self.episodes += 1;
             self.wins += u64::from(step.battle_won);
             self.returns += episode_return;
+            self.lengths += u64::from(episode_length);
         }
     }
 
@@ -42,5 +45,6 @@ impl LaneStats {
         self.episodes += steps.episodes;
         self.wins += steps.wins;
         self.returns += steps.returns;
+        self.lengths += steps.lengths;
     }
 }

@@ -43,7 +43,7 @@ pub use scenario::{Destination, Faction, March, Placement, Scenario};
 pub use smaclite_units::{Problem, Problems};
 pub use smacv2::{Capability, EnemyMask, Smacv2};
 pub use terrain::{MAX_OUTLINE_IN_SIGHT, MAX_SIDE, Rect, Terrain};
-pub use unit_files::{UnitFile, is_replaceable};
+pub use unit_files::{UnitFile, is_replaceable, unit_file_candidates};
 
 /// The largest number of units of a scenario, both factions together.
 pub const MAX_UNITS: u32 = 1000;

@@ -3,6 +3,7 @@
 use crate::{Generation, Rewards, Smacv2, Teams, Terrain};
 use serde::{Deserialize, Serialize};
 use smaclite_units::{Keyword, UnitType};
+use std::collections::BTreeSet;
 
 /// The faction that a unit fights for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
@@ -123,6 +124,12 @@ impl Scenario {
     /// Whether each episode draws the types of the units.
     pub fn draws_teams(&self) -> bool {
         self.generation.as_ref().is_some_and(|drawn| drawn.teams != Teams::OfGroups)
+    }
+
+    /// Whether each unit type has a number of its own in observations and states.
+    pub fn tells_types_apart(&self) -> bool {
+        let numbers: BTreeSet<&usize> = self.type_ids.iter().collect();
+        numbers.len() == self.unit_types.len()
     }
 
     /// Number of enemy units.

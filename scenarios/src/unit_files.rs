@@ -172,26 +172,32 @@ impl<'a> UnitFiles<'a> {
         unit_type
     }
 
-    /// The paths that `name` may refer to, by descending priority: in `custom_unit_path`, which is itself
-    /// relative to the scenario file or to the working directory, then beside the scenario file, then in the
-    /// working directory.
+    /// The paths that `name` may refer to.
     ///
     /// # Errors
     /// The one of `custom_unit_path`: without it, a file could be found in the wrong folder.
     fn candidates(&self, name: &str) -> Result<Vec<PathBuf>, Reported> {
-        let name = if name.ends_with(".json") { name.to_owned() } else { format!("{name}.json") };
-        let mut candidates = Vec::new();
         let Origin::Folder(base_dir) = self.origin else {
-            return Ok(candidates);
+            return Ok(Vec::new());
         };
-        if let Some(custom) = self.custom_unit_path.as_ref().map_err(|reported| *reported)? {
-            candidates.push(base_dir.join(custom).join(&name));
-            candidates.push(custom.join(&name));
-        }
-        candidates.push(base_dir.join(&name));
-        candidates.push(PathBuf::from(name));
-        // Adjacent paths are equal for absolute paths and for a scenario file in the working directory.
-        candidates.dedup();
-        Ok(candidates)
+        let custom = self.custom_unit_path.as_ref().map_err(|reported| *reported)?;
+        Ok(unit_file_candidates(base_dir, custom.as_deref(), name))
     }
+}
+
+/// The paths of the unit file that `key` of a scenario file may mean, by descending priority: in its
+/// `custom_unit_path`, which is itself relative to the folder of the scenario file or to the working
+/// directory, then in that folder, then in the working directory.
+pub fn unit_file_candidates(folder: &Path, custom_unit_path: Option<&Path>, key: &str) -> Vec<PathBuf> {
+    let name = if key.ends_with(".json") { key.to_owned() } else { format!("{key}.json") };
+    let mut candidates = Vec::new();
+    if let Some(custom) = custom_unit_path {
+        candidates.push(folder.join(custom).join(&name));
+        candidates.push(custom.join(&name));
+    }
+    candidates.push(folder.join(&name));
+    candidates.push(PathBuf::from(name));
+    // Adjacent paths are equal for absolute paths and for a scenario file in the working directory.
+    candidates.dedup();
+    candidates
 }

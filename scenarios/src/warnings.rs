@@ -27,10 +27,9 @@ impl ScenarioFiles {
     /// assert!(files.warnings()[0].message.contains("blocked square"));
     /// ```
     pub fn warnings(&self) -> Vec<Problem> {
+        let Ok(scenario) = self.scenario() else { return Vec::new() };
         let report = Report::default();
-        if let (Ok(scenario), Ok(document)) =
-            (self.scenario(), Document::parse(&self.text, &self.source, &report))
-        {
+        if let Ok(document) = Document::parse(&self.text, &self.source, &report) {
             for (key, node) in document.root().entries().unwrap_or_default() {
                 match key {
                     _ if key == keys::GROUPS.name => warn(&scenario, &node),

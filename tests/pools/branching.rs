@@ -6,8 +6,8 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use smaclite_engine::policy::Random;
 use smaclite_engine::{
-    Arena, Battle, COLUMNS, Column, ColumnSpec, ColumnType, Opponent, RecordLayout, RecordSizes, Rules,
-    Scratch, Sides, Snapshot,
+    Arena, Battle, BattleSetup, COLUMNS, Column, ColumnSpec, ColumnType, Opponent, RecordLayout, RecordSizes,
+    Rules, Scratch, Sides, Snapshot,
 };
 use smaclite_ipc::{Batch, WaitOptions};
 use smaclite_pool::Autoreset;
@@ -568,4 +568,29 @@ fn no_unit_leaves_the_margin_of_the_map() {
         assert_eq!(battle.save().check(&arena), Ok(()));
     }
     assert!((32.0..=48.0).contains(&farthest), "{farthest}");
+}
+
+/// A battle that began with healers alone was over where it was restored or copied, and not where it was drawn.
+#[test]
+fn a_battle_that_begins_with_healers_alone_is_not_over_before_its_step() {
+    let text = r#"{"name": "drawn", "ally_has_shields": false, "enemy_has_shields": false,
+        "terrain_preset": "FLAT", "episode_limit": 30, "start_positions": {"distribution": "surrounded"},
+        "teams": {"distribution": "all_teams", "unit_types": ["MARINE", "MEDIVAC"]}, "num_unit_types": 0,
+        "num_allied_units": 1, "num_enemy_units": 1, "smacv2": {}}"#;
+    let files = ScenarioFiles { source: "drawn.json".into(), text: text.into(), unit_files: Vec::new() };
+    let arena = Arc::new(BattleSetup::new(files).arena().unwrap().1);
+    let mut scratch = Scratch::new();
+    let mut of_healers = 0;
+    for seed in 0..20 {
+        let mut battle = Battle::new(Arc::clone(&arena), seed);
+        let mut restored = Battle::new(Arc::clone(&arena), 99);
+        let saved = battle.save();
+        restored.restore(&saved).unwrap();
+        assert!(!battle.is_over() && !restored.is_over() && !saved.is_over(&arena), "seed {seed}");
+        let played = [&mut battle, &mut restored].map(|battle| battle.step(&[1], &mut scratch).unwrap());
+        assert_eq!(played[0], played[1]);
+        assert_eq!(battle.is_over(), battle.save().is_over(&arena));
+        of_healers += u32::from(battle.is_over());
+    }
+    assert!(of_healers > 0, "no seed drew them");
 }

@@ -286,7 +286,7 @@ held = Held()  # a global: freed when modules are gone
 def test_the_status_counts_what_the_learner_received(batch_size: int) -> None:
     with sp.make("3m", 6, batch_size=batch_size, autoreset_mode="SameStep", threads=2) as envs:
         returns: list[float] = []
-        batch, steps, wins = envs.reset(seed=3), 0, 0
+        batch, steps, wins, lengths = envs.reset(seed=3), 0, 0, 0
         while len(returns) < 40:
             envs.send(envs.sample_actions(env_id=batch.env_id), env_id=batch.env_id)
             batch = envs.recv()
@@ -294,11 +294,13 @@ def test_the_status_counts_what_the_learner_received(batch_size: int) -> None:
             ended = batch.terminated | batch.truncated
             returns += batch.episode_return[ended].tolist()
             wins += int(batch.battle_won[ended].sum())
+            lengths += int(batch.episode_length[ended].sum())
         if batch_size < 6:
             envs.reset()  # waits for the environments that are under way
         stats = sp.status(envs.spec.pool)["lanes"][0]["stats"]
     if batch_size == 6:
         assert (stats["steps"], stats["episodes"], stats["wins"]) == (steps, len(returns), wins)
         assert stats["returns"] == pytest.approx(sum(returns), abs=1e-3)
+        assert stats["lengths"] == lengths
     else:
         assert stats["episodes"] >= len(returns) and stats["returns"] >= sum(returns) - 1e-3

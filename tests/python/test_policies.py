@@ -122,6 +122,31 @@ def test_states_without_units_are_refused() -> None:
             envs.render(batch, 0)
 
 
+def test_drawn_types_that_states_do_not_name_are_refused(tmp_path: Path) -> None:
+    """A policy took all units for those that the file names first, and played otherwise than `record`."""
+    path = tmp_path / "drawn.json"
+    keys = {
+        "name": "drawn",
+        "teams": {"distribution": "all_teams", "unit_types": ["MARINE", "MARAUDER"]},
+        "start_positions": {"distribution": "surrounded"},
+        "num_allied_units": 2,
+        "num_enemy_units": 2,
+        "terrain_preset": "FLAT",
+        "ally_has_shields": False,
+        "enemy_has_shields": False,
+    }
+    path.write_text(json.dumps({**keys, "num_unit_types": 0}))
+    with sp.make(path, 1) as envs:
+        batch = envs.reset(seed=1)
+        sp.ScriptedPolicy("random", envs)(batch)
+        for refused in (lambda: sp.ScriptedPolicy("kite", envs), lambda: envs.render(batch, 0)):
+            with pytest.raises(sp.errors.InvalidRequest, match="which do not tell apart.*num_unit_types"):
+                refused()
+    path.write_text(json.dumps({**keys, "num_unit_types": 2}))
+    with sp.make(path, 1) as envs:
+        sp.ScriptedPolicy("kite", envs)(envs.reset(seed=1))
+
+
 def test_errors_say_what_is_accepted() -> None:
     with (
         sp.make("3m", 1) as envs,

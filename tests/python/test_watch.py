@@ -357,6 +357,7 @@ def test_a_pool_that_runs_again_with_other_lanes_is_shown(browser: Any, programs
         programs_of_test.serve("3m:2", "8m:3")
         page.wait(lambda: page.text("#state") == "No lane")
         assert page.text("#notice") == "The pool has no lane `terran_5_vs_5`: choose one of `3m`, `8m`."
+        assert page.text("#lane-status") == "" and page.text("#plot-steps b") == "–"
         page.page.select_option("#lane", "8m")
         page.wait(lambda: page.text("#lane-facts").startswith("3 battles of 8m"))
 

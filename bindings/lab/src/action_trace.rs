@@ -112,6 +112,7 @@ impl TracePlayer {
     /// Goes to the start of a trace.
     pub fn rewind(&mut self, trace: &ActionTrace) {
         self.battle.reseed(trace.seed);
+        self.battle.forget_episodes();
         self.battle.reset();
     }
 

@@ -115,7 +115,7 @@ impl EnvGroup {
     ) -> Option<Step> {
         let actions = JointAction::new(self.table.actions(env));
         let step = hosted.run(self.table.task(env), actions, self.autoreset, scratch)?;
-        counts.count(&step, hosted.battle.episode_return());
+        counts.count(&step, hosted.battle.episode_return(), hosted.battle.episode_length());
         Some(step)
     }
 

@@ -191,6 +191,7 @@ impl Dataset {
         let steps = self.steps_of(index);
         let (first, row) = (self.starts[chunk.start], index - chunk.start);
         battle.reseed(self.episodes[index].seed);
+        battle.forget_episodes(); // which one this thread played before must not matter
         battle.reset();
         let mut actions = vec![0; self.sizes().n_agents];
         for step in steps.clone() {

@@ -7,6 +7,7 @@ use super::*;
 use smaclite_engine::policy::Tactic;
 use smaclite_engine::{Battle, EnemySide, EpisodeLimit, Rules, Scratch, Sides};
 use smaclite_learn::{Config, EvaluationRow, Lanes, Run, Summary, Weights, resolve_scenario};
+use smaclite_scenarios::ScenarioFiles;
 
 /// Shorter than some of the episodes.
 const LIMIT: u32 = 45;
@@ -165,6 +166,44 @@ fn generated_battles_are_played_again() {
     let recording = Recording { source, amount: Amount::Episodes(20), seed: 5, greedy: false, threads: 2 };
     let dataset = Dataset::record(&recording, &mut || false).unwrap();
     assert_eq!(all(&read(&bytes_of(&dataset)).unwrap(), 1), all(&dataset, 2));
+}
+
+/// Of generated battles with SMACv2's interface, as JSON beside the usual keys.
+fn generated(keys: &str) -> Source {
+    let text = format!(
+        r#"{{"name": "drawn", "num_unit_types": 0, "ally_has_shields": false, "enemy_has_shields": false,
+        "terrain_preset": "FLAT", "episode_limit": 30, "start_positions": {{"distribution": "surrounded"}},
+        "num_allied_units": 2, "num_enemy_units": 2, {keys}}}"#
+    );
+    let files = ScenarioFiles { source: "drawn.json".into(), text, unit_files: Vec::new() };
+    Source::Script { setup: BattleSetup::new(files), tactic: Tactic::Kite }
+}
+
+fn recorded_of(source: Source, threads: usize) -> Dataset {
+    let recording = Recording { source, amount: Amount::Episodes(30), seed: 1, greedy: false, threads };
+    Dataset::record(&recording, &mut || false).unwrap()
+}
+
+/// They were over before their only step, and a dataset of them could not be read.
+#[test]
+fn battles_that_draw_healers_alone_have_one_step() {
+    let teams = r#""teams": {"distribution": "all_teams", "unit_types": ["MARINE", "MEDIVAC"]}"#;
+    let dataset = recorded_of(generated(&format!(r#"{teams}, "smacv2": {{}}"#)), 2);
+    let lengths = || dataset.episodes().iter().map(|episode| episode.length);
+    assert!(lengths().any(|length| length == 1) && lengths().all(|length| length >= 1));
+    assert_eq!(all(&read(&bytes_of(&dataset)).unwrap(), 1), all(&dataset, 2));
+}
+
+/// The published fault of SMACv2's interface leaves its greatest return to the next episode, so that rewards
+/// depended on what the same thread had played before.
+#[test]
+fn episodes_do_not_depend_on_those_before_them() {
+    let teams = r#""teams": {"distribution": "all_teams", "unit_types": ["MARINE", "MARAUDER"]}"#;
+    let source = || generated(&format!(r#"{teams}, "smacv2": {{"published": true}}"#));
+    let bytes = bytes_of(&recorded_of(source(), 1));
+    assert_eq!(bytes_of(&recorded_of(source(), 4)), bytes);
+    let dataset = read(&bytes).unwrap();
+    assert_eq!(all(&dataset, 1), all(&dataset, 5));
 }
 
 /// The folder of a run with two evaluations.

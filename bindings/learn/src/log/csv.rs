@@ -2,6 +2,7 @@
 
 use crate::tensors::{FileError, read_text};
 use crate::training::Record;
+use std::borrow::Cow;
 use std::fs::{File, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
@@ -30,7 +31,8 @@ impl CsvLog {
         let mut text = line.join(",") + "\n";
         let mut append = || -> io::Result<()> {
             if self.file.metadata()?.len() == 0 {
-                text = columns.iter().map(|(name, _)| &**name).collect::<Vec<_>>().join(",") + "\n" + &text;
+                text =
+                    columns.iter().map(|(name, _)| quoted(name)).collect::<Vec<_>>().join(",") + "\n" + &text;
             }
             self.file.write_all(text.as_bytes())
         };
@@ -40,6 +42,14 @@ impl CsvLog {
     /// Waits until the lines are on the disk.
     pub fn sync(&self) -> Result<(), FileError> {
         self.file.sync_data().map_err(|source| FileError::Write { path: self.path.clone(), source })
+    }
+}
+
+/// A name as a field of the header: those of maps are the users'.
+fn quoted(name: &str) -> Cow<'_, str> {
+    match name.contains([',', '"', '\n', '\r']) {
+        true => format!("\"{}\"", name.replace('"', "\"\"")).into(),
+        false => name.into(),
     }
 }
 

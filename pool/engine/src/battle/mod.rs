@@ -383,8 +383,10 @@ impl Battle {
         self.arena.episode_limit().is_some_and(|limit| self.episode_length >= limit)
     }
 
-    /// Whether the episode is over: terminated or truncated.
+    /// Whether the episode is over: terminated or truncated. With SMACv2's interface, one that draws healers
+    /// alone ends in its first step, not before.
     pub fn is_over(&self) -> bool {
-        self.is_terminated() || self.is_at_limit()
+        let begins = self.episode_length == 0 && self.perceiver.is_some();
+        !begins && (self.is_terminated() || self.is_at_limit())
     }
 }

@@ -255,7 +255,8 @@ impl Snapshot {
             let of_place = |place| self.types[arena.id_at(place) as usize];
             let types: Vec<u32> = (0..self.types.len()).map(of_place).collect();
             let is_alive = |place| self.units.alive[arena.id_at(place) as usize];
-            return is_at_limit || interface.end(&types, is_alive).is_some();
+            let has_ended = interface.end(&types, is_alive).is_some();
+            return is_at_limit || self.episode_length > 0 && has_ended;
         }
         let lives = |ids: &[u32]| ids.iter().any(|id| self.units.alive[*id as usize]);
         is_at_limit || !lives(&arena.agents) || !lives(&arena.enemies)

@@ -85,6 +85,8 @@ export class FileStore {
     /** Whether the document is the target's, and whether the target exists. */
     this.isTargets = target !== null;
     this.exists = exists;
+    /** The last save, for which the next one waits: it needs the checksums of what that wrote. */
+    this.saving = Promise.resolve();
   }
 
   /** @param {Iterable<File>} list */
@@ -117,7 +119,13 @@ export class FileStore {
     this.page.showTab("types");
   }
 
-  async save(replace = false) {
+  save() {
+    this.saving = this.saving.then(() => this.saveNow(false));
+    return this.saving;
+  }
+
+  /** @param {boolean} replace Whatever the files hold now. */
+  async saveNow(replace) {
     if (this.target === null) return this.download();
     const name = `${stemOf(this.target)}.json`;
     if (
@@ -133,7 +141,8 @@ export class FileStore {
       const response = await this.write(this.page.doc.files(), this.base, isReplaced);
       if ("conflicts" in response) {
         const files = response.conflicts.join(", ");
-        if (confirm(`Changed elsewhere, or not of this scenario: ${files}. Replace?`)) await this.save(true);
+        if (confirm(`Changed elsewhere, or not of this scenario: ${files}. Replace?`))
+          await this.saveNow(true);
         return;
       }
       this.base = response.saved.base;

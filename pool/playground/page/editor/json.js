@@ -195,15 +195,23 @@ export class JsonText {
   }
 
   /**
+   * A text with the line ends of this one.
+   * @param {string} text
+   */
+  withLineEnds(text) {
+    return this.text.includes("\r\n") ? text.replace(/\r?\n/g, "\r\n") : text;
+  }
+
+  /**
    * This text with pieces replaced: [start, end, text].
    * @param {[number, number, string][]} pieces
    */
   replaced(...pieces) {
     pieces.sort((a, b) => b[0] - a[0]);
-    return new JsonText(
-      pieces.reduce((text, [start, end, piece]) => text.slice(0, start) + piece + text.slice(end), this.text),
-      this.keys,
-    );
+    /** @type {(text: string, piece: [number, number, string]) => string} */
+    const replace = (text, [start, end, piece]) =>
+      text.slice(0, start) + this.withLineEnds(piece) + text.slice(end);
+    return new JsonText(pieces.reduce(replace, this.text), this.keys);
   }
 
   /**
@@ -227,7 +235,7 @@ export class JsonText {
     if (node) {
       const indent = this.indentAt(node.start);
       const column = node.start - this.text.lastIndexOf("\n", node.start - 1) - 1;
-      const text = this.write(value, indent, column);
+      const text = this.withLineEnds(this.write(value, indent, column));
       return text === this.text.slice(node.start, node.end)
         ? this
         : this.replaced([node.start, node.end, text]);

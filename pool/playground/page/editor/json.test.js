@@ -153,3 +153,12 @@ test("formatting is stable and keeps the values", () => {
     '{\n    "terrain": [\n        "_",\n        "X"\n    ]\n}',
   );
 });
+
+test("what is added to a text with CR and LF has them too", () => {
+  const file = new JsonText('{\r\n    "a": [1,\r\n        2]\r\n}\r\n', ["a", "b"]);
+  const edited = file.set(["b"], { c: [1, { d: 2 }] }).set(["a"], [1, 2, 3]);
+  assert.deepEqual(JSON.parse(edited.text), { a: [1, 2, 3], b: { c: [1, { d: 2 }] } });
+  assert.doesNotMatch(edited.text, /[^\r]\n/);
+  assert.equal(file.withLineEnds("a\nb\r\n"), "a\r\nb\r\n");
+  assert.equal(new JsonText("{\n}").withLineEnds("a\nb"), "a\nb");
+});

@@ -70,7 +70,7 @@ export class TextPanel {
     }
     this.choice.value = this.name ?? "";
     const { text } = this.file;
-    if (this.area.value !== text) this.area.value = text;
+    if (this.file.withLineEnds(this.area.value) !== text) this.area.value = text;
     const lines = text.split("\n").length;
     if (this.lines.childElementCount !== lines)
       this.lines.replaceChildren(...Array.from({ length: lines }, (_, i) => make("i", {}, String(i + 1))));
@@ -93,7 +93,9 @@ export class TextPanel {
   select(start, end) {
     const { area } = this;
     area.focus();
-    area.setSelectionRange(start, end);
+    // A text area has one character for CR and LF.
+    const [from, to] = [start, end].map((at) => at - this.file.text.slice(0, at).split("\r\n").length + 1);
+    area.setSelectionRange(from, to);
     const line = this.file.position(start).line - 1;
     const height = parseFloat(getComputedStyle(area).lineHeight);
     area.scrollTop = Math.max(0, line * height - area.clientHeight / 3);
@@ -118,6 +120,6 @@ export class TextPanel {
     const now = performance.now();
     if (now - this.written > PAUSE) this.page.doc.settle();
     this.written = now;
-    this.page.doc.setText(this.index, this.area.value, "text");
+    this.page.doc.setText(this.index, this.file.withLineEnds(this.area.value), "text");
   }
 }

@@ -230,6 +230,7 @@ export class TypesPanel extends Panel {
       autocomplete: "off",
       "data-key": "name", // the focus stays on it when it has another name
     });
+    input.disabled = doc.isStale; // the scenario, which names the type too, cannot be edited
     input.addEventListener("change", () => {
       const name = input.value.trim();
       const isFree = doc.freeName(name) === name;

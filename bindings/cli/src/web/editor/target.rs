@@ -5,7 +5,7 @@ use crate::web::protocol::{Base, OpenedFiles, SaveFiles, SavedFiles};
 use serde_json::Value;
 use smaclite_engine::fnv::Fnv1a;
 use smaclite_playground::new_scenario;
-use smaclite_scenarios::{Problems, Scenario, ScenarioFiles};
+use smaclite_scenarios::{Problems, Scenario, ScenarioFiles, UnitFile, unit_file_candidates};
 use smaclite_units::file::{MAX_SCENARIO_BYTES, MAX_UNIT_BYTES, Report, read_text, shown_path, write_whole};
 use std::path::{Component, Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
@@ -176,14 +176,9 @@ impl Target {
         files: &'a ScenarioFiles,
     ) -> Result<Vec<(PathBuf, &'a String, u64)>, TargetError> {
         let mut writes: Vec<(PathBuf, &String, u64)> = Vec::new();
+        let scenario: Option<Value> = serde_json::from_str(&files.text).ok();
         for unit in &files.unit_files {
-            let is_same = |(name, keys, _): &&KnownUnit| {
-                *name == unit.name && unit.keys.iter().any(|key| keys.contains(key))
-            };
-            let path = match known.iter().find(is_same) {
-                Some((.., path)) => path.clone(),
-                None => self.new_unit_path(&unit.name, &files.text)?,
-            };
+            let path = self.unit_path(known, unit, scenario.as_ref())?;
             let others = writes.iter().map(|(path, ..)| path).chain([&self.path]);
             if others.map(|other| identity(other)).any(|other| other == identity(&path)) {
                 return Err(TargetError::SameFile { unit: unit.name.clone(), file: shown_path(&path) });
@@ -195,23 +190,49 @@ impl Target {
         Ok(writes)
     }
 
-    /// Where a unit type without a file gets one: in the scenario's `custom_unit_path`, or beside it.
-    fn new_unit_path(&self, name: &str, scenario: &str) -> Result<PathBuf, TargetError> {
+    /// Where a scenario finds the unit file. A scenario that is no JSON names no folder: then where the unit
+    /// file was read.
+    fn unit_path(
+        &self,
+        known: &[KnownUnit],
+        unit: &UnitFile,
+        scenario: Option<&Value>,
+    ) -> Result<PathBuf, TargetError> {
+        let is_same = |(name, keys, _): &&KnownUnit| {
+            *name == unit.name && unit.keys.iter().any(|key| keys.contains(key))
+        };
+        let read = known.iter().find(is_same).map(|(.., path)| path);
+        if let (None, Some(path)) = (scenario, read) {
+            return Ok(path.clone());
+        }
+        let custom = scenario.and_then(|scenario| scenario["custom_unit_path"].as_str()).map(Path::new);
+        let key = unit.keys.first().unwrap_or(&unit.name);
+        let candidates = unit_file_candidates(&self.folder, custom, key);
+        // A file elsewhere is another scenario's, unless it was read: one that is new here has priority.
+        let is_meant = |path: &PathBuf| path.starts_with(&self.folder) || Some(path) == read;
+        let mut found = candidates.iter().filter_map(|path| path.canonicalize().ok());
+        match found.find(is_meant) {
+            Some(path) => Ok(path),
+            None => self.new_unit_path(&unit.name, custom.unwrap_or(Path::new("")), &candidates[0]),
+        }
+    }
+
+    /// Where a unit type without a file gets one: where the scenario looks first.
+    fn new_unit_path(&self, name: &str, custom: &Path, path: &Path) -> Result<PathBuf, TargetError> {
         let is_plain = |c: char| c.is_ascii_alphanumeric() || "_-.".contains(c);
         if !(1..=100).contains(&name.len()) || name.starts_with('.') || !name.chars().all(is_plain) {
             return Err(TargetError::UnitName(name.to_owned()));
         }
-        let scenario: Value = serde_json::from_str(scenario).unwrap_or_default();
-        let custom = Path::new(scenario["custom_unit_path"].as_str().unwrap_or(""));
         let stays = |part: Component| matches!(part, Component::Normal(_) | Component::CurDir);
-        let folder = self.folder.join(custom);
+        let folder = path.parent().unwrap_or(path);
+        let below = folder.strip_prefix(&self.folder);
         // An absolute path may lead to this folder too.
-        if !custom.components().all(stays)
+        if !below.is_ok_and(|below| below.components().all(stays))
             && !folder.canonicalize().is_ok_and(|f| f.starts_with(&self.folder))
         {
             return Err(TargetError::Outside(shown_path(custom)));
         }
-        Ok(folder.join(format!("{name}.json")))
+        Ok(path.to_owned())
     }
 
     /// Follows symbolic links: the file itself, or the nearest folder above it that exists, must be in the

@@ -40,8 +40,8 @@ struct Status {
 }
 
 fn point(time: f64, pid: u32, lane: &LaneStatus) -> Point {
-    let LaneStats { steps, episodes, wins, returns, .. } = lane.stats;
-    Point { time, pid, steps_per_s: lane.steps_per_s, steps, episodes, wins, returns }
+    let LaneStats { steps, episodes, wins, returns, lengths, .. } = lane.stats;
+    Point { time, pid, steps_per_s: lane.steps_per_s, steps, episodes, wins, returns, lengths }
 }
 
 /// The status as a page gets it.

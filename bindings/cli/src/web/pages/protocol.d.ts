@@ -4,7 +4,7 @@ import type { EpisodeResult, Features, ScenarioInfo } from "#view/data.d.ts";
 
 export type Version = 7;
 export type LaneStats = Record<
-  "steps" | "episodes" | "wins" | "returns" | "frames"
+  "steps" | "episodes" | "wins" | "returns" | "lengths" | "frames"
   | "rejected" | "accepted" | "waited_ns",
   number
 >;
@@ -119,7 +119,7 @@ time: number,
 /**
  * The supervisor's process: counts of another one begin at 0.
  */
-pid: number, steps_per_s: number, steps: number, episodes: number, wins: number, returns: number, };
+pid: number, steps_per_s: number, steps: number, episodes: number, wins: number, returns: number, lengths: number, };
 export type EpisodeInfo = { number: number, steps: number, 
 /**
  * The step of the battle with which the log of it begins.

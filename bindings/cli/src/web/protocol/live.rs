@@ -132,6 +132,8 @@ pub(crate) struct Point {
     #[cfg_attr(test, ts(type = "number"))]
     pub(in crate::web) wins: u64,
     pub(in crate::web) returns: f64,
+    #[cfg_attr(test, ts(type = "number"))]
+    pub(in crate::web) lengths: u64,
 }
 
 #[derive(Debug, Serialize)]

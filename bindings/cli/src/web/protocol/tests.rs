@@ -10,7 +10,7 @@ const FILE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/src/web/pages/protocol.
 /// Types of other crates, whose keys the test below compares, and a type that is only a name.
 const FOREIGN: &str = "\
 export type LaneStats = Record<
-  \"steps\" | \"episodes\" | \"wins\" | \"returns\" | \"frames\"
+  \"steps\" | \"episodes\" | \"wins\" | \"returns\" | \"lengths\" | \"frames\"
   | \"rejected\" | \"accepted\" | \"waited_ns\",
   number
 >;

@@ -1,7 +1,6 @@
 //! Saving: which files are written, and which are not.
 
 use super::*;
-use smaclite_scenarios::UnitFile;
 use std::fs;
 use tempfile::TempDir;
 
@@ -140,7 +139,7 @@ fn two_files_are_not_written_to_one() {
     let (folder, start) = folder();
     let before = fs::read_to_string(folder.path().join("s.json")).unwrap();
     std::os::unix::fs::symlink("scout.json", folder.path().join("link.json")).unwrap();
-    for (name, written) in [("s", "s.json"), ("scout", "scout.json"), ("link", "link.json")] {
+    for (name, written) in [("s", "s.json"), ("scout", "scout.json"), ("link", "scout.json")] {
         let SaveFiles { mut files, base, .. } = opened(&start);
         files.text += "\n";
         files.unit_files.push(UnitFile { keys: Vec::new(), text: "{}".into(), ..unit(name) });
@@ -153,6 +152,39 @@ fn two_files_are_not_written_to_one() {
         assert_eq!(fs::read_to_string(folder.path().join("s.json")).unwrap(), before);
         assert_eq!(fs::read_to_string(folder.path().join("scout.json")).unwrap(), SCOUT);
     }
+}
+
+/// A unit file stayed where it was read, or went beside the scenario without the folder of its key: what was
+/// saved was a scenario without its unit file, or with another one.
+#[test]
+fn unit_files_are_written_where_the_scenario_finds_them() {
+    let (folder, start) = folder();
+    let path = |name: &str| folder.path().join(name);
+    let is_valid = || Scenario::load(&path("s.json")).is_ok();
+    for custom in ["types", ".", "types/deeper"] {
+        let mut save = opened(&start);
+        let mut scenario: Value = serde_json::from_str(&save.files.text).unwrap();
+        scenario["custom_unit_path"] = custom.into();
+        save.files.text = scenario.to_string();
+        let read = save.base.keys().find(|file| file.ends_with("scout.json")).unwrap();
+        fs::remove_file(read).unwrap(); // beside the scenario it would be found
+        saved(&start, save);
+        assert!(path(custom).join("scout.json").is_file() && is_valid(), "{custom}");
+    }
+
+    let mut save = opened(&start);
+    save.files.text = save.files.text.replace("\"scout\"", "\"units/scout\"");
+    save.files.unit_files[0].keys = vec!["units/scout".into()];
+    saved(&start, save);
+    assert!(path("types/deeper/units/scout.json").is_file() && is_valid());
+
+    // Another page opened a scenario without the unit type meanwhile.
+    let mut one = opened(&start);
+    fs::write(path("s.json"), ScenarioFiles::resolve("2s3z").unwrap().1.text).unwrap();
+    opened(&start);
+    one.files.unit_files[0].text += "\n";
+    saved(&start, SaveFiles { replace: true, ..one });
+    assert_eq!(fs::read_to_string(path("types/deeper/units/scout.json")).unwrap(), format!("{SCOUT}\n"));
 }
 
 #[test]

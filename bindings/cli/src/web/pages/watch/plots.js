@@ -66,7 +66,7 @@ const PLOTS = [
     title: "Episode length",
     from: 0,
     text: (value) => value.toFixed(0),
-    value: ({ first, last }) => ratio(last.steps - first.steps, last.episodes - first.episodes),
+    value: ({ first, last }) => ratio(last.lengths - first.lengths, last.episodes - first.episodes),
   },
 ];
 
@@ -104,7 +104,10 @@ export class LanePanel {
 
   clear() {
     this.points = [];
-    for (const plot of this.plots) plot.values = [];
+    for (const plot of this.plots) {
+      plot.values = [];
+      plot.number.textContent = "–";
+    }
     this.isDrawn = false;
   }
 

@@ -250,7 +250,8 @@ class WatchPage {
     if (lanes.length === 1) return this.chooseLane(lanes[0]);
     if (document.body.dataset.mode !== "grid") this.overview();
     this.grid.clear();
-    byId("lane-facts").textContent = "";
+    this.panel.clear();
+    for (const id of ["lane-facts", "lane-status"]) byId(id).textContent = "";
     const names = lanes.map((name) => `\`${name}\``).join(", ");
     this.state("No lane", "lost", `The pool has no lane \`${this.lane}\`: choose one of ${names}.`);
     document.documentElement.dataset.ready = "";
