@@ -40,9 +40,9 @@ built=target/playground/$target/playground/smaclite_playground.wasm
 optimised=target/playground/optimised.wasm
 if ! command -v wasm-opt >/dev/null; then
     optimised=$built
-elif ! cmp --silent "$built" $optimised.of || ! [ $optimised -nt pool/playground/build.sh ]; then # half a minute
+elif ! cmp --silent "$built" $optimised.of || ! [ $optimised -nt pool/playground/build.sh ]; then # a quarter of a minute
     # Functions that are called most have the shortest numbers.
-    wasm-opt -Oz --converge --dae-optimizing --reorder-functions -Oz \
+    wasm-opt --flatten --rereloop -Oz --converge --dae-optimizing --reorder-functions -Oz \
         --enable-bulk-memory --enable-sign-ext --enable-nontrapping-float-to-int --enable-mutable-globals \
         "$built" -o $optimised.part
     mv $optimised.part $optimised
