@@ -414,14 +414,17 @@ def test_a_unit_type_of_the_scenarios_name_is_not_saved_over_it(browser: Any, fi
 
 @pytest.mark.parametrize("width", [820, 390])
 def test_nothing_of_the_editor_is_cut_off_in_a_narrow_window(browser: Any, width: int) -> None:
-    """The line below the map ended at "5 agents, 5 enemies, 1"."""
+    """The line below the map ended at "5 agents, 5 enemies, 1"; and the JSON was 540 pixels wide beside no map."""
     with Editor(browser, "2s3z", viewport={"width": width, "height": 900}) as editor:
         outside = """() => [...document.querySelectorAll("header *, .status span")]
             .filter((e) => e.getClientRects().length)
             .filter((e) => e.getBoundingClientRect().right > innerWidth || e.getBoundingClientRect().left < 0)
             .map((e) => e.id || e.outerHTML.slice(0, 80))"""
         assert editor.page.evaluate(outside) == []
-        assert editor.page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+        for tab in ("groups", "scenario", "types", "json"):
+            editor.tab(tab)
+            assert editor.page.evaluate("document.documentElement.scrollWidth <= innerWidth"), tab
+            assert editor.page.locator("#map").bounding_box()["width"] > 250, tab
         assert editor.page.evaluate("document.getElementById('summary').scrollWidth <= innerWidth")
         help_row = "(id) => document.getElementById(id).getBoundingClientRect().top"
         assert editor.page.evaluate(help_row, "help") == editor.page.evaluate(help_row, "theme")

@@ -238,6 +238,22 @@ def test_nothing_moves_on_a_phone_when_the_first_order_is_given(browser: Any, wi
         assert page.shown("#keys")
 
 
+OUTSIDE = """() => [...document.querySelectorAll("header *, #choices *, footer *")]
+    .filter((e) => e.getClientRects().length && getComputedStyle(e).visibility !== "hidden")
+    .filter((e) => e.matches("button, select, input") && e.getBoundingClientRect().right > innerWidth)
+    .map((e) => e.id || e.outerHTML.slice(0, 80))"""
+
+
+@pytest.mark.parametrize("width", [1280, 1000, 820, 390])
+def test_long_names_push_no_control_out_of_the_window(browser: Any, width: int) -> None:
+    """On bane_vs_bane the help was outside of a window of 1000 pixels, and with a long name much more."""
+    with Playground(browser, "scenario=bane_vs_bane", viewport={"width": width, "height": 800}) as page:
+        assert page.page.evaluate(OUTSIDE) == []
+        page.page.evaluate("document.querySelector('h1').textContent = 'name '.repeat(20)")
+        assert page.page.evaluate(OUTSIDE) == []
+        assert page.page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+
+
 COLOURED = """() => ["marks", "chart"].map((id) => {
     const canvas = document.getElementById(id);
     const context = new OffscreenCanvas(canvas.width, canvas.height).getContext("2d");
