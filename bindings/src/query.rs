@@ -37,8 +37,8 @@ pub fn scenarios(generated: Option<bool>) -> Vec<&'static str> {
 ///         each with `description` (what never changes about it), `learner_pid` (process id of the
 ///         attached learner or None), `spectators` (how many are attached), `stats` (`steps`, `episodes`,
 ///         `wins`, `returns` and `lengths` (sums over the episodes that ended), `frames`, `rejected`,
-///         `accepted` and `waited_ns`, counted since the pool started), `steps_per_s` and `queue_wait_us` (averages over the last second) and `failure`
-///         (error text of a failed lane or None).
+///         `accepted` and `waited_ns`, counted since the pool started), `steps_per_s` and `queue_wait_us`
+///         (averages over the last second) and `failure` (error text of a failed lane or None).
 ///
 /// Raises:
 ///     NoSuchPool: no pool of that name is running.

@@ -570,7 +570,7 @@ fn no_unit_leaves_the_margin_of_the_map() {
     assert!((32.0..=48.0).contains(&farthest), "{farthest}");
 }
 
-/// A battle that began with healers alone was over where it was restored or copied, and not where it was drawn.
+/// It was over where it was restored or copied, and not where it was drawn.
 #[test]
 fn a_battle_that_begins_with_healers_alone_is_not_over_before_its_step() {
     let text = r#"{"name": "drawn", "ally_has_shields": false, "enemy_has_shields": false,

@@ -414,7 +414,7 @@ def test_a_unit_type_of_the_scenarios_name_is_not_saved_over_it(browser: Any, fi
 
 @pytest.mark.parametrize("width", [820, 390])
 def test_nothing_of_the_editor_is_cut_off_in_a_narrow_window(browser: Any, width: int) -> None:
-    """The line below the map ended at "5 agents, 5 enemies, 1"; and the JSON was 540 pixels wide beside no map."""
+    """The line below the map ended at "5 agents, 5 enemies, 1"; and beside the JSON there was no map."""
     with Editor(browser, "2s3z", viewport={"width": width, "height": 900}) as editor:
         outside = """() => [...document.querySelectorAll("header *, .status span")]
             .filter((e) => e.getClientRects().length)

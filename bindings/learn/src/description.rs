@@ -171,8 +171,9 @@ impl RunDescription {
         Ok(other)
     }
 
-    /// The run as its team plays the enemies of these battles: on them, if its networks fit every scenario.
-    fn as_enemies(self, folder: &Path, setup: &BattleSetup) -> Result<RunDescription, LaneError> {
+    /// The run with which its team plays the enemies of these battles: on them, if its networks fit every
+    /// scenario.
+    fn playing_enemies_of(self, folder: &Path, setup: &BattleSetup) -> Result<RunDescription, LaneError> {
         if self.config.network != NetworkKind::Universal {
             return Ok(self);
         }
@@ -312,7 +313,7 @@ pub(crate) fn read_rival<E>(
 where
     E: From<FileError> + From<LaneError>,
 {
-    let run = RunDescription::read(folder)?.as_enemies(folder, setup)?;
+    let run = RunDescription::read(folder)?.playing_enemies_of(folder, setup)?;
     lanes.check_rival(folder, run.sizes)?;
     let (_, _, actor) = read_team_of(folder, run, weights)?;
     Ok(actor)

@@ -8,8 +8,8 @@ use std::path::Path;
 /// A team for every map cannot play the enemies of a scenario.
 #[derive(Debug, thiserror::Error)]
 #[error(
-    "opponent `{0}` is a team for every map, which sees the enemies as its own units: it plays them where both \
-     sides have the same units and shields"
+    "opponent `{0}` is a team for every map, which sees the enemies as its own units: it plays them where \
+     both sides have the same units and shields"
 )]
 pub struct UnequalUnits(String);
 

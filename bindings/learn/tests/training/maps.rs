@@ -88,7 +88,8 @@ fn a_resumed_run_on_several_maps_has_the_same_bits_on_any_number_of_threads() {
     assert_eq!(error, "the maps have [1, 5, 6] environments, but those of the checkpoint [2, 4, 6]");
 }
 
-/// It was asked for the sizes of its own map, and a run that was resumed took the enemies for those of its map.
+/// It was asked for the sizes of its own map, and a run that was resumed took the enemies for those of that
+/// map.
 #[test]
 fn a_team_plays_the_enemies_of_a_map_that_it_was_not_trained_on() {
     let place = Place::new();
