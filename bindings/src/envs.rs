@@ -507,7 +507,7 @@ impl Envs {
     ///     AttributeError: the lane omits the field `state`.
     ///     InvalidRequest: an environment is not in the batch, there is no batch yet, the renderer is of a
     ///         scenario with another `state_size`, the number of captions is wrong, the sheet would be wider
-    ///         or higher than 16384 pixels, or states do not say what the units are.
+    ///         or higher than 16384 pixels, or states have no units (`obs_instead_of_state` of `smacv2`).
     ///     TypeError: `env_id` or `columns` are not integers, or `captions` are not strings.
     #[pyo3(signature = (batch=None, env_id=None, renderer=None, columns=None, captions=None))]
     fn render<'py>(

@@ -87,8 +87,14 @@ impl ScriptedPolicy {
             )));
         }
         let scenario = envs.scenario_of_lane(py)?;
-        if name != "random" {
-            require_units_in_states(&format!("the policy {name} reads"), &scenario, side)?;
+        if side == Faction::Ally && name != "random" {
+            require_units_in_states(&format!("the policy {name} reads"), &scenario)?;
+        }
+        if name != "random" && scenario.draws_teams() && !scenario.tells_types_apart() {
+            return Err(invalid_request(format!(
+                "the policy {name} reads the types of units in states, but these do not tell apart the types \
+                 that each episode draws: give each a number (`num_unit_types` and `unit_type_ids`)"
+            )));
         }
         let arena = Arena::new(&scenario, envs.rules()?);
         Ok(ScriptedPolicy { name, side, fields, arena, scripted: Mutex::new(scripted) })

@@ -42,13 +42,13 @@ fn wrong_settings_are_errors_before_anything_starts() {
         assert_contains(&error, parts);
         dir.assert_empty();
     };
-    check("serve 2s3z:0", 1, &["2s3z", "environments", "got `0`"]);
-    check("serve 2s3z:many", 1, &["many"]);
+    check("serve 2s3z:0", 2, &["2s3z", "environments", "got `0`"]);
+    check("serve 2s3z:many", 2, &["many"]);
     check("serve 2s3z:4 2s3z:4", 1, &["2s3z", "two lanes"]);
     check("serve 2s3z:4 --batch-size 5", 1, &["batch size", "between 1 and 4", "got 5"]);
     check("serve 2s3z:4 --name a/b", 1, &["`a/b`"]);
     check("serve 2s3z:4 --autoreset-mode perhaps", 2, &["perhaps", "NextStep"]);
-    check("serve 2s3z:4 --fields obs,hp", 1, &["`hp`", "avail_actions"]);
+    check("serve 2s3z:4 --fields obs,hp", 2, &["`hp`", "avail_actions"]);
 }
 
 /// iceoryx2 reports a lack of file descriptors as an internal error, and the error of a read-only disk was

@@ -139,10 +139,10 @@ def test_drawn_types_that_states_do_not_name_are_refused(tmp_path: Path) -> None
     with sp.make(path, 1) as envs:
         batch = envs.reset(seed=1)
         sp.ScriptedPolicy("random", envs)(batch)
-        for refused in (lambda: sp.ScriptedPolicy("kite", envs), lambda: envs.render(batch, 0)):
-            with pytest.raises(sp.errors.InvalidRequest, match="which do not tell apart.*num_unit_types"):
-                refused()
-    path.write_text(json.dumps({**keys, "num_unit_types": 2}))
+        with pytest.raises(sp.errors.InvalidRequest, match="do not tell apart the types.*num_unit_types"):
+            sp.ScriptedPolicy("kite", envs)
+    ids = {"MARINE": 0, "MARAUDER": 1}
+    path.write_text(json.dumps({**keys, "num_unit_types": 2, "unit_type_ids": ids}))
     with sp.make(path, 1) as envs:
         sp.ScriptedPolicy("kite", envs)(envs.reset(seed=1))
 

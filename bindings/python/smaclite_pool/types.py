@@ -227,6 +227,8 @@ class LaneStats(TypedDict):
     wins: int
     returns: float
     """Sum of the returns of the episodes that ended."""
+    lengths: int
+    """Sum of their lengths, in steps."""
     frames: int
     """Published batches."""
     rejected: int

@@ -11,7 +11,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyString;
 use smaclite_engine::{FeatureBlock, state_features};
 use smaclite_pool::fields::Field;
-use smaclite_scenarios::{Faction, Scenario};
+use smaclite_scenarios::Scenario;
 use smaclite_view::{Cell, Moment, Options, Picture, Sheet, SizeError, Theme};
 
 /// Pixels per side of the pictures in a sheet that `Envs.render` draws without a renderer.
@@ -40,8 +40,8 @@ pub(crate) type Pixels<'py> = Bound<'py, PyArray3<u8>>;
 /// Raises:
 ///     ScenarioError: the scenario is unknown, or its file or a unit file is invalid.
 ///     NoSuchPool: the pool that the environments attached to has ended.
-///     InvalidRequest: the size or the theme is invalid, or states do not say what the units are
-///         (`obs_instead_of_state` of `smacv2`; drawn types without numbers).
+///     InvalidRequest: the size or the theme is invalid, or states have no units (`obs_instead_of_state` of
+///         `smacv2`).
 ///     TypeError: the width or height is not an integer.
 #[pyclass(frozen, module = "smaclite_pool")]
 pub struct Renderer {
@@ -52,7 +52,7 @@ pub struct Renderer {
 
 impl Renderer {
     fn of(py: Python<'_>, scenario: Scenario, options: Options) -> PyResult<Renderer> {
-        require_units_in_states("pictures show", &scenario, Faction::Ally)?;
+        require_units_in_states("pictures show", &scenario)?;
         let state_size = state_size(&scenario);
         let renderer = py.detach(|| smaclite_view::Renderer::new(&scenario, options));
         Ok(Renderer { renderer: renderer.map_err(invalid_request)?, scenario, state_size })
@@ -306,21 +306,14 @@ fn slot_of(env: i64, in_batch: &[i32], num_envs: usize) -> PyResult<usize> {
     Err(invalid_request(format!("env_id must be between 0 and {}, got {env}", num_envs - 1)))
 }
 
-/// Refuses scenarios whose states do not say what the units are, for what reads them there.
-pub fn require_units_in_states(what: &str, scenario: &Scenario, side: Faction) -> PyResult<()> {
-    let is_all_obs = scenario.smacv2.as_ref().is_some_and(|options| options.obs_instead_of_state);
-    if side == Faction::Ally && is_all_obs {
-        return Err(invalid_request(format!(
+/// Refuses scenarios whose states are all observations, for what reads the units of states.
+pub fn require_units_in_states(what: &str, scenario: &Scenario) -> PyResult<()> {
+    match &scenario.smacv2 {
+        Some(options) if options.obs_instead_of_state => Err(invalid_request(format!(
             "{what} the units of states, but `obs_instead_of_state` of `smacv2` is true"
-        )));
+        ))),
+        _ => Ok(()),
     }
-    if scenario.draws_teams() && !scenario.tells_types_apart() {
-        return Err(invalid_request(format!(
-            "{what} the types of units in states, which do not tell apart those that each episode draws: \
-             give each a number of its own (`num_unit_types` and `unit_type_ids`)"
-        )));
-    }
-    Ok(())
 }
 
 /// A renderer of a lane's scenario.

@@ -66,7 +66,7 @@ fn errors_are_printable_and_leave_old_files() {
     let folder = folder.path();
     let printed = crate::kit::error(folder, "show \u{1b}[31mred\u{202e}", 1);
     assert!(printed.contains("?[31mred?"), "{printed:?}");
-    let printed = crate::kit::error(folder, "serve \u{1b}[2Jx=3m:1=", 1);
+    let printed = crate::kit::error(folder, "serve \u{1b}[2Jx=3m:1=", 2);
     assert!(!printed.contains('\u{1b}'), "{printed:?}");
     for name in ["a.gif", "a.html"] {
         fs::write(folder.join(name), "old").expect("a file");
