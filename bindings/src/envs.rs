@@ -27,7 +27,10 @@ use pyo3::exceptions::PyRuntimeWarning;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use smaclite_engine::Rules;
-use smaclite_ipc::{Client, ClientError, LaneDescription, Supervisor, WaitOptions, lane_scenario};
+use smaclite_ipc::{
+    Client, ClientError, ConnectError, ControlSocketError, LaneDescription, Supervisor, WaitOptions,
+    lane_scenario,
+};
 use smaclite_pool::Rejection;
 use smaclite_pool::layout::Layout;
 use smaclite_scenarios::Scenario;
@@ -109,7 +112,12 @@ impl Envs {
         let received = run_on_thread(py, move |cancelled| {
             lane_scenario(&runtime_dir, &pool, Some(&lane), WaitOptions::interrupted_by(cancelled))
         })?;
-        let (lane, setup) = received.map_err(connect_error)?;
+        let (lane, setup) = received.map_err(|error| match error {
+            ConnectError::Control(ControlSocketError::NoSuchPool { pool, .. }) => {
+                client_error(ClientError::PoolDied { pool })
+            }
+            other => connect_error(other),
+        })?;
         if lane.instance != self.description.instance {
             // Another pool has the name by now.
             return Err(client_error(ClientError::PoolDied { pool: lane.pool }));
@@ -158,8 +166,9 @@ impl Envs {
     /// Args:
     ///     seed: from 0 to `2**64 - 1`; environment i is seeded with seed + i. Or a list of one seed per
     ///         environment that is reset, as Gymnasium's vector environments take it. None, also in the list,
-    ///         continues an environment's random generator; the first reset then uses the seed of `make` or
-    ///         `smaclite-pool serve`.
+    ///         continues an environment's random generator; the first reset after `make` or `connect` then
+    ///         uses the seed of `make` or `smaclite-pool serve`. In an asynchronous lane the seeds of a list
+    ///         must be consecutive.
     ///     mask: bool [N], the environments to reset. Cannot be combined with `env_id`.
     ///     env_id: integers [K], the ids of the environments to reset. None, the default, resets all.
     ///     levels: float32 [K, n_units, 5], how the episodes of these environments begin: for each agent and

@@ -94,6 +94,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 ///     TypeError: an argument has the wrong type.
 ///     TooLittleMemory: there is too little memory; on Linux in /dev/shm.
 ///     StartError: the pool could not start, for instance because its name is in use.
+///     ConnectError: the folder of SMACLITE_POOL_ROOT cannot be used.
 // PyO3 shows only literals as defaults, so their text is repeated here; a test compares the two.
 #[pyfunction]
 #[pyo3(signature = (scenario=None, num_envs=IntArg::Small(64), *, batch_size=None, seed=None,

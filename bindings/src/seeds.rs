@@ -2,10 +2,10 @@
 
 use crate::batch::Batch;
 use crate::convert::{IntArg, to_unsigned};
-use crate::errors::invalid_request;
+use crate::errors::{class, invalid_request};
 use crate::wait::{Deadline, wait_detached};
 use pyo3::prelude::*;
-use pyo3::types::PyString;
+use pyo3::types::{PyByteArray, PyBytes, PyFrozenSet, PyMapping, PySet, PyString};
 use smaclite_ipc::Client;
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -31,9 +31,7 @@ impl Seeds {
     pub fn new(arg: Option<&Bound<'_, PyAny>>, n_envs: usize) -> PyResult<Seeds> {
         let Some(arg) = arg else { return Ok(Seeds::From(None)) };
         let given = match arg.extract::<IntArg>()? {
-            IntArg::Other(_) if !arg.is_instance_of::<PyString>() && arg.try_iter().is_ok() => {
-                arg.try_iter()?
-            }
+            IntArg::Other(_) if is_list(arg) => arg.try_iter()?,
             seed => return Ok(Seeds::From(Some(to_unsigned("seed", seed)?))),
         };
         let mut seeds = Vec::with_capacity(n_envs);
@@ -64,8 +62,8 @@ impl Seeds {
     /// Resets all environments or those of `ids`, to levels if there are any.
     ///
     /// A request has one seed, and environment i gets that seed + i. Seeds that are not such a sequence take
-    /// a request per sequence in them: at most one per environment, at least one for `[7, 8, 9]`. It is
-    /// incomplete until the last one is sent.
+    /// a request per sequence in them: at most one per environment, at least one for `[7, 8, 9]`. The first
+    /// names all environments, so that all is refused or nothing. It is incomplete until the last is sent.
     pub fn reset(
         self,
         py: Python<'_>,
@@ -91,16 +89,21 @@ impl Seeds {
         if groups.len() > 1 && !is_synchronous {
             return Err(invalid_request(
                 "seed must be an integer or consecutive integers where batches have fewer environments than \
-                 the lane; reset environments one by one by `env_id`, each to its seed less its id",
+                 the lane; reset environments one by one by `env_id`, each to (seed - id) % 2**64",
             ));
         }
+        let was_incomplete = *is_incomplete;
         let (mut newest, last) = (None, groups.len().saturating_sub(1));
         for (group, (base, places)) in groups.into_iter().enumerate() {
             *is_incomplete = group < last; // before it is sent: the wait for the last one can be continued
             drop(newest.take()); // its caller does not get it, so it must not count as held
-            // The first reset of a lane must be of all environments; those of other groups follow.
-            if group == 0 && ids.is_none() {
-                newest = Some(request(base, None, levels)?);
+            // Those of other groups follow.
+            if group == 0 {
+                let reset = request(base, ids, levels);
+                if reset.as_ref().is_err_and(|error| error.is_instance_of::<class::InvalidRequest>(py)) {
+                    *is_incomplete = was_incomplete; // nothing has changed
+                }
+                newest = Some(reset?);
                 continue;
             }
             let of_group: Vec<i32> = places.iter().map(|place| id_of(ids, *place)).collect();
@@ -109,6 +112,15 @@ impl Seeds {
         }
         newest.map(Batch::new).ok_or_else(|| invalid_request("seed must have at least one integer, got none"))
     }
+}
+
+/// Whether it is a sequence of seeds. Those of a set have no order, and a dictionary would give its keys.
+fn is_list(arg: &Bound<'_, PyAny>) -> bool {
+    let is_text = arg.is_instance_of::<PyString>() || arg.is_instance_of::<PyBytes>();
+    let is_set = arg.is_instance_of::<PySet>() || arg.is_instance_of::<PyFrozenSet>();
+    let is_other =
+        is_text || is_set || arg.is_instance_of::<PyByteArray>() || arg.cast::<PyMapping>().is_ok();
+    !is_other && arg.try_iter().is_ok()
 }
 
 /// The places in the request by the seed less the id of the environment. Those without a seed come first: a

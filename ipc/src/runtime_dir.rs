@@ -47,9 +47,8 @@ pub enum RuntimeDirError {
     )]
     LinkNotOurs { root: PathBuf, owner: u32, user: u32 },
     #[error(
-        "{root}: other users can write to it (mode {mode:o}); `chmod 700` it or set {ROOT_VARIABLE} to a \
-         private folder",
-        root = root.display()
+        "{root}: other users can write to it (mode {mode:o}); {}set {ROOT_VARIABLE} to a private folder",
+        chmod(*mode), root = root.display()
     )]
     Open { root: PathBuf, mode: u32 },
     #[error(
@@ -57,6 +56,12 @@ pub enum RuntimeDirError {
         root = root.display()
     )]
     TooLong { root: PathBuf },
+}
+
+/// A folder for all users, as /tmp, stays one.
+fn chmod(mode: u32) -> &'static str {
+    let is_for_all = mode & 0o1000 != 0;
+    if is_for_all { "" } else { "`chmod 700` it or " }
 }
 
 impl RuntimeDir {
@@ -99,5 +104,18 @@ impl RuntimeDir {
     /// The file that a pool's supervisor holds locked.
     pub fn lock(&self, pool: &str) -> PathBuf {
         self.root.join(format!("{pool}.lock"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The advice for /tmp was to close it to all other users.
+    #[test]
+    fn a_folder_for_all_users_is_not_to_be_closed() {
+        let text = |mode| RuntimeDirError::Open { root: "/tmp".into(), mode }.to_string();
+        assert!(text(0o777).ends_with("; `chmod 700` it or set SMACLITE_POOL_ROOT to a private folder"));
+        assert!(text(0o1777).ends_with("; set SMACLITE_POOL_ROOT to a private folder"));
     }
 }

@@ -29,6 +29,8 @@ def test_the_scenario_is_not_that_of_another_pool_of_the_name(serve: Serve) -> N
         assert sp.scenario(envs)["episode_limit"] == 60
         first.terminate()
         first.wait()
+        with pytest.raises(sp.errors.PoolDied):
+            sp.scenario(envs)
         serve("x=3m:2", "--name", "train", "--set", "episode_limit=7")
         with pytest.raises(sp.errors.PoolDied):
             sp.scenario(envs)

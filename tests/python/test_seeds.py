@@ -269,6 +269,37 @@ def test_a_list_of_seeds_needs_no_more_batches_than_a_seed() -> None:
         del held
 
 
+def test_a_list_of_seeds_resets_all_that_is_named_or_nothing() -> None:
+    """What came before the environment that was refused was reset, and one could be named twice."""
+    fields = ["snapshot", "level", "avail_actions"]
+    with sp.make("terran_5_vs_5", 4, threads=1, fields=fields) as envs:
+        batch = envs.reset(seed=1)
+        levels = batch.level[:2].copy()
+        levels[1, 0, 0] = 99
+        before = batch.snapshot.copy()
+        wrong: list[dict[str, Any]] = [
+            {"seed": [10, 40], "env_id": [0, 9]},
+            {"seed": [10, 20, 30], "env_id": [0, 9, 1]},
+            {"seed": [10, 40], "env_id": [0, 0]},
+            {"seed": [10, 40], "env_id": [0, 3], "levels": levels},
+        ]
+        for arguments in wrong:
+            with pytest.raises(sp.errors.InvalidRequest, match="environment"):
+                envs.reset(**arguments)
+            assert (envs.fork([1], [1]).snapshot == before).all(), arguments
+        envs.step(envs.sample_actions())
+        named = envs.reset(seed=[10, None, 40], env_id=[3, 1, 0]).snapshot.copy()
+        assert (envs.reset(seed=7, env_id=[3]).snapshot[3] == named[3]).all()
+        assert (envs.reset(seed=40, env_id=[0]).snapshot[0] == named[0]).all()
+
+
+@pytest.mark.parametrize("seed", [{1, 2, 3, 4}, frozenset([1, 2, 3, 4]), {0: 1, 1: 2, 2: 3, 3: 4}, b"abcd"])
+def test_seeds_without_an_order_are_refused(seed: Any) -> None:
+    """A set gave its seeds in any order, and a dictionary its keys."""
+    with sp.make("3m", 4) as envs, pytest.raises(TypeError, match="seed must be an integer, got"):
+        envs.reset(seed=seed)
+
+
 def test_a_session_does_not_depend_on_earlier_ones(serve: Serve) -> None:
     """The published fault of SMACv2's reward scale, which adds up over resets, went on in the next one."""
     serve("terran_5_vs_5:2", "--name", "train", "--set", 'smacv2={"published": true}')
