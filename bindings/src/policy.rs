@@ -43,7 +43,7 @@ fn fields(side: Faction) -> [Field; 2] {
 ///         states do not say what the units are (`obs_instead_of_state` of `smacv2`; drawn types without
 ///         numbers), which all policies but `random` read.
 ///     TypeError: the seed is not an integer.
-///     NoSuchPool: the pool that `envs` attached to has ended.
+///     PoolDied: the pool that `envs` attached to has ended.
 #[pyclass(frozen, module = "smaclite_pool")]
 pub struct ScriptedPolicy {
     name: String,

@@ -39,7 +39,7 @@ pub(crate) type Pixels<'py> = Bound<'py, PyArray3<u8>>;
 ///
 /// Raises:
 ///     ScenarioError: the scenario is unknown, or its file or a unit file is invalid.
-///     NoSuchPool: the pool that the environments attached to has ended.
+///     PoolDied: the pool that the environments attached to has ended.
 ///     InvalidRequest: the size or the theme is invalid, or states have no units (`obs_instead_of_state` of
 ///         `smacv2`).
 ///     TypeError: the width or height is not an integer.

@@ -208,10 +208,9 @@ impl Target {
         let custom = scenario.and_then(|scenario| scenario["custom_unit_path"].as_str()).map(Path::new);
         let key = unit.keys.first().unwrap_or(&unit.name);
         let candidates = unit_file_candidates(&self.folder, custom, key);
-        // A file elsewhere is another scenario's, unless it was read: one that is new here has priority.
-        let is_meant = |path: &PathBuf| path.starts_with(&self.folder) || Some(path) == read;
-        let mut found = candidates.iter().filter_map(|path| path.canonicalize().ok());
-        match found.find(is_meant) {
+        let found = candidates.iter().find(|path| path.is_file()).and_then(|path| path.canonicalize().ok());
+        // A file elsewhere is another scenario's, unless it was read: the first candidate comes before it.
+        match found.filter(|path| path.starts_with(&self.folder) || Some(path) == read) {
             Some(path) => Ok(path),
             None => self.new_unit_path(&unit.name, custom.unwrap_or(Path::new("")), &candidates[0]),
         }
