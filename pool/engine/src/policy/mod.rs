@@ -114,7 +114,8 @@ impl Scripted {
     /// `state`, f32 `[M, state_size]`, and `avail_actions`, u8 `[M, n_agents, n_actions]`. The policy
     /// `random` draws for one environment after the other.
     ///
-    /// These are the actions that [`act`](Self::act) chooses with the battles themselves.
+    /// These are the actions that [`act`](Self::act) chooses with the battles themselves, if states tell the
+    /// types of drawn units apart (`Scenario::tells_types_apart`).
     ///
     /// # Panics
     /// If the sizes are not those of one number of environments of this arena.

@@ -120,7 +120,8 @@ export class FileStore {
   }
 
   save() {
-    this.saving = this.saving.then(() => this.saveNow(false));
+    const begin = () => this.saveNow(false);
+    this.saving = this.saving.then(begin, begin);
     return this.saving;
   }
 
