@@ -89,9 +89,12 @@ import os, signal, sys, time
 import smaclite_pool as sp
 
 envs = sp.make("3m", 1, name="train", threads=1)
+ready, told = os.pipe()
 child = os.fork()
 if child == 0:
+    os.write(told, b".")
     time.sleep(1000)
+os.read(ready, 1)  # the child has closed what it inherited, which a busy computer lets it do late
 print(child, flush=True)
 os.kill(os.getpid(), signal.SIGKILL)
 """
