@@ -312,7 +312,7 @@ fn other_rules_take_no_notice_of_the_keys_of_starcraft() {
     };
     let keys = r#", "damage_point": 0.2, "backswing": 0.5, "min_random_delay": -0.1, "max_random_delay": 0.2,
         "range_slop": 1, "hit_interval": 0.1, "projectile_speed": 9, "effect_delay": 0.2, "acceleration": 2,
-        "separation_radius": 0.2, "explodes_when_killed": false"#;
+        "explodes_when_killed": false"#;
     let folder = tempfile::tempdir().expect("a folder");
     let end = |keys: &str, rules: Rules| {
         std::fs::write(folder.path().join("own.json"), file(keys)).expect("a file");

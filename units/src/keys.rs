@@ -9,7 +9,7 @@ use serde_json::json;
 use std::marker::PhantomData;
 
 /// Every key of a unit file, in the order in which files have them.
-pub(crate) const KEYS: [&dyn AnyKey; 36] = [
+pub(crate) const KEYS: [&dyn AnyKey; 35] = [
     &SCHEMA_KEY,
     &HP,
     &SHIELD,
@@ -44,7 +44,6 @@ pub(crate) const KEYS: [&dyn AnyKey; 36] = [
     &EFFECT_DELAY,
     &ACCELERATION,
     &TURN_RATE,
-    &SEPARATION_RADIUS,
     &EXPLODES_WHEN_KILLED,
 ];
 
@@ -227,12 +226,6 @@ pub(crate) const TURN_RATE: Key<Range> = Key::with_default(
     0.0,
     "Under rules `starcraft`: how fast the unit turns to what it attacks, in degrees per second; 0 for at \
      once. It walks in any direction at once.",
-);
-pub(crate) const SEPARATION_RADIUS: Key<Range> = Key::optional(
-    "separation_radius",
-    NON_NEGATIVE,
-    "Under rules `starcraft`: radius within which the unit keeps others away, in squares; left out, half of \
-     `size`.",
 );
 pub(crate) const EXPLODES_WHEN_KILLED: Key<Flag> = Key::with_default(
     "explodes_when_killed",

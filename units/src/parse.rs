@@ -133,7 +133,6 @@ fn conduct(file: &Object, targeter: Result<Targeter, Reported>) -> Result<Conduc
     let (projectile_speed, effect_delay) = (number(&keys::PROJECTILE_SPEED), number(&keys::EFFECT_DELAY));
     let (acceleration, least) = (number(&keys::ACCELERATION), number(&keys::MIN_RANDOM_DELAY));
     let turn_rate = number(&keys::TURN_RATE);
-    let separation_radius = file.get(&keys::SEPARATION_RADIUS).map(|node| node.number(NON_NEGATIVE));
     let explodes_when_killed = match (file.read(&keys::EXPLODES_WHEN_KILLED), targeter) {
         (Ok(true), Ok(targeter)) if !matches!(targeter, Targeter::Kamikaze { .. }) => {
             let node = file.require(&keys::EXPLODES_WHEN_KILLED)?;
@@ -162,7 +161,6 @@ fn conduct(file: &Object, targeter: Result<Targeter, Reported>) -> Result<Conduc
         effect_delay: effect_delay?,
         acceleration: acceleration?,
         turn_rate: turn_rate?,
-        separation_radius: separation_radius.transpose()?,
         explodes_when_killed: explodes_when_killed?,
     })
 }

@@ -79,8 +79,6 @@ pub struct Conduct {
     pub acceleration: f64,
     /// How fast the unit turns to what it attacks, in degrees per second; 0 for at once.
     pub turn_rate: f64,
-    /// How far units keep apart, as a radius; `None` for half of the size.
-    pub separation_radius: Option<f64>,
     /// Whether a unit with the targeter `Kamikaze` also explodes when it is killed.
     pub explodes_when_killed: bool,
 }

@@ -13,7 +13,7 @@ use smaclite_scenarios::Terrain;
 use super::edges::{Edge, outline};
 use super::partition::Partition;
 use crate::buffers::clear_and_reserve;
-use crate::simd::{Column, F32s, InstructionSet, MAX_WIDTH, Vec2s};
+use crate::simd::{Column, F32s, InstructionSet, MAX_WIDTH, Vec2s, x4};
 
 /// The largest number of blocks of the lists of all squares together: 40 MiB. The lists exist only for speed,
 /// and far beyond the size of the processor's caches they are not faster than the search.
@@ -164,6 +164,13 @@ impl EdgesByCell {
         row * F32s::splat(simd, self.columns as f32) + column + F32s::splat(simd, CELL_BASE)
     }
 
+    /// The [cell](Self::cells) of one position.
+    #[inline(always)]
+    pub fn cell(&self, position: Vec2) -> f32 {
+        let [cell, ..] = self.cells(Vec2s::splat(x4::four(), position)).to_array();
+        cell
+    }
+
     /// Whether [`near`](Self::near) has any edges.
     #[inline(always)]
     pub fn may_see(&self, cell: f32) -> bool {
@@ -210,15 +217,10 @@ impl EdgesByCell {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simd::x4;
 
     fn numbers(blocks: &[EdgeBlock]) -> Vec<u32> {
         let numbers = blocks.iter().flat_map(|block| block.numbers);
         numbers.filter(|number| *number != EdgeBlock::NO_EDGE).collect()
-    }
-
-    fn cell_of(cells: &EdgesByCell, position: Vec2) -> f32 {
-        cells.cells(Vec2s::splat(x4::four(), position)).to_array()[0]
     }
 
     #[test]
@@ -233,8 +235,8 @@ mod tests {
             for cell in 0..searched.columns * 50 {
                 let position =
                     Vec2::new((cell % searched.columns) as f32, (cell / searched.columns) as f32) - 0.5;
-                let expected = numbers(listed.near(cell_of(&listed, position), &mut none));
-                let found = numbers(searched.near(cell_of(&searched, position), &mut found));
+                let expected = numbers(listed.near(listed.cell(position), &mut none));
+                let found = numbers(searched.near(searched.cell(position), &mut found));
                 assert_eq!(found, expected, "{position} of {terrain:?}");
                 assert!(found.len() <= terrain.outline_in_sight(3.75), "{position} of {terrain:?}");
             }
@@ -252,7 +254,7 @@ mod tests {
             let cells = EdgesByCell::new(&terrain, 4.0);
             assert!(cells.lists.is_none() && cells.longest_list() < 100_000);
             let mut found = EdgeSearch::default();
-            let corner = numbers(cells.near(cell_of(&cells, Vec2::new(511.5, 511.5)), &mut found));
+            let corner = numbers(cells.near(cells.cell(Vec2::new(511.5, 511.5)), &mut found));
             assert!(!corner.is_empty() && corner.len() <= cells.longest_list());
         }
     }

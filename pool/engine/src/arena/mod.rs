@@ -23,7 +23,9 @@ use smaclite_units::{Plane, UnitType};
 pub(crate) use cells::{EdgeBlock, EdgeSearch, EdgesByCell};
 pub(crate) use edges::Edge;
 pub(crate) use features::{Features, n_actions};
-pub(crate) use unit_stats::{Approach, AvoidanceParams, Matchup, Regeneration, StarcraftStats, UnitStats};
+pub(crate) use unit_stats::{
+    Approach, AvoidanceParams, BodyStats, Matchup, Regeneration, StarcraftStats, UnitStats,
+};
 
 use crate::command::action;
 use crate::extent::Extent;
@@ -126,7 +128,7 @@ impl Arena {
             attack_point: scenario.attack_point,
             march_to: scenario.march_to.filter(|_| rules == Rules::Starcraft),
             features: Features::new(scenario),
-            edges: Arc::new(edges_in_sight(&scenario.terrain, types)),
+            edges: Arc::new(edges_in_sight(&scenario.terrain, types, rules)),
             moves: Arc::new(Moves::new(&scenario.terrain)),
             ways: ways(scenario, rules),
             matchups: matchups.collect(),
@@ -357,6 +359,13 @@ impl Arena {
         self.moves.from(&self.terrain, position)
     }
 
+    /// Whether a position is on the map and in a wall.
+    pub(crate) fn is_wall(&self, position: Vec2) -> bool {
+        let [x, y] = position.floor().as_i64vec2().to_array();
+        let (width, height) = (i64::from(self.terrain.width()), i64::from(self.terrain.height()));
+        (0..width).contains(&x) && (0..height).contains(&y) && !self.terrain.is_walkable(x, y)
+    }
+
     /// Where a unit of a plane at a position walks straight to on its way to a goal: a corner, or the goal.
     pub(crate) fn next_point(&self, plane: Plane, from: Vec2, goal: Vec2) -> Vec2 {
         match &self.ways {
@@ -382,11 +391,13 @@ impl Arena {
 }
 
 /// The edges that units see.
-fn edges_in_sight(terrain: &Terrain, types: &[UnitType]) -> EdgesByCell {
+fn edges_in_sight(terrain: &Terrain, types: &[UnitType], rules: Rules) -> EdgesByCell {
+    let range = |unit_type: &UnitType| match rules {
+        Rules::Starcraft => StarcraftStats::new(unit_type).wall_range(),
+        _ => AvoidanceParams::new(unit_type, 0.0).edge_range_squared.map(|square| f64::from(square).sqrt()),
+    };
     // One index of edges serves all units, so it reaches as far as the unit that sees farthest.
-    let ranges_squared =
-        types.iter().filter_map(|unit_type| AvoidanceParams::new(unit_type, 0.0).edge_range_squared);
-    EdgesByCell::new(terrain, f64::from(ranges_squared.fold(0.0, f32::max)).sqrt())
+    EdgesByCell::new(terrain, types.iter().filter_map(range).fold(0.0, f64::max))
 }
 
 fn starts(scenario: &Scenario, rules: Rules) -> Vec<Vec2> {

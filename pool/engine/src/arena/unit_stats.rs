@@ -11,6 +11,10 @@ use crate::{TICK, TICKS_PER_SECOND};
 /// recorded enemies stop, and 0.2, which fits what random play earns in SMAC.
 const SCAN_MARGIN: f64 = 0.3;
 
+/// Under rules `starcraft`, how far units reach into others: recorded ones touch at the sum of their radii less
+/// twice this.
+const OVERLAP: f64 = 1.0 / 32.0;
+
 /// The stats of a unit type, and values derived from them that a tick reads.
 ///
 /// Distances are in squares, times in seconds. Collision avoidance computes in f32, everything else in f64.
@@ -150,6 +154,19 @@ pub(crate) struct StarcraftStats {
     pub acceleration: f32,
     pub plane: Plane,
     pub is_healer: bool,
+    pub body: BodyStats,
+    /// How near the unit comes to walls, if they stop it.
+    pub wall_distance: f32,
+    pub sees_walls: bool,
+}
+
+/// What decides how units push each other under rules `starcraft`.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct BodyStats {
+    /// Two units touch at the sum of their radii.
+    pub radius: f32,
+    /// Of two units that walk, each gives a share in proportion to this.
+    pub weight: f32,
 }
 
 impl StarcraftStats {
@@ -165,8 +182,28 @@ impl StarcraftStats {
             acceleration: conduct.acceleration as f32,
             plane,
             is_healer: unit_type.is_healer(),
+            body: BodyStats::new(unit_type),
+            // No step leads through a wall.
+            wall_distance: f64::max(body_radius(unit_type), unit_type.speed * TICK) as f32,
+            sees_walls: plane == Plane::Ground,
         }
     }
+
+    /// How near a wall must be to matter in a tick; `None` if none stops the unit.
+    pub fn wall_range(&self) -> Option<f64> {
+        self.sees_walls.then(|| f64::from(self.wall_distance + self.speed * TICK as f32))
+    }
+}
+
+impl BodyStats {
+    fn new(unit_type: &UnitType) -> BodyStats {
+        let square = unit_type.radius() * unit_type.radius();
+        BodyStats { radius: body_radius(unit_type) as f32, weight: (square * square) as f32 }
+    }
+}
+
+fn body_radius(unit_type: &UnitType) -> f64 {
+    f64::max(unit_type.radius() - OVERLAP, 0.0)
 }
 
 /// What an attacker of one type can do to a victim of another.
@@ -205,7 +242,7 @@ impl Matchup {
 
 impl AvoidanceParams {
     pub(super) fn new(unit_type: &UnitType, largest_radius: f64) -> AvoidanceParams {
-        let radius = unit_type.conduct.separation_radius.unwrap_or(unit_type.radius());
+        let radius = unit_type.radius();
         let neighbour_range = (largest_radius + radius) as f32;
         let (radius, max_speed) = (radius as f32, unit_type.speed as f32);
         // Units are neighbours only if they would touch, should the other have the largest radius. Edges

@@ -16,7 +16,7 @@ mod targets;
 use glam::Vec2;
 use smaclite_scenarios::Faction;
 
-use crate::arena::Arena;
+use crate::arena::{Arena, EdgeSearch};
 use crate::buffers::clear_and_reserve;
 use crate::command::Command;
 use crate::neighbour_order::NeighbourOrder;
@@ -98,8 +98,11 @@ pub(crate) struct TickScratch {
     may_have_dead: bool,
     /// Under rules `starcraft`, the units that have exploded in this tick.
     exploded: Vec<u32>,
-    /// Under rules `starcraft`, the units that stand in this tick, by plane.
-    standing: [starcraft::Standing; 3],
+    /// Under rules `starcraft`, what each unit does in this tick.
+    postures: Vec<starcraft::Posture>,
+    /// Under rules `starcraft`, the units that stand in this tick and those that walk, by plane.
+    standing: [starcraft::Crowd; 3],
+    walking: [starcraft::Crowd; 3],
     /// Under rules `starcraft`, those of them that are near one unit.
     near: starcraft::Near,
     /// Under rules `starcraft`, whether a unit may have hits in flight; stale in the first tick of a step.
@@ -115,6 +118,8 @@ pub(crate) struct TickScratch {
     pub credits: Vec<f64>,
     /// Health and shield of each unit at the start of the step; stale unless losses count.
     pub before: Vec<f64>,
+    /// Under rules `starcraft`, for the walls that are near a unit.
+    edge_search: EdgeSearch,
     target_choice: target_choice::TargetChoiceScratch,
     avoid: avoid::AvoidScratch,
 }
@@ -168,7 +173,9 @@ impl TickScratch {
         clear_and_reserve(&mut self.choosers, n_units);
         clear_and_reserve(&mut self.attackers, n_units + 1);
         self.vitality.resize(n_units, 0.0);
-        self.standing.iter_mut().for_each(|plane| plane.reserve(n_units));
+        self.postures.resize(n_units, starcraft::Posture::default());
+        self.standing.iter_mut().chain(&mut self.walking).for_each(|crowd| crowd.reserve(n_units));
+        self.edge_search.reserve(n_edges);
         self.near.reserve(n_units);
         clear_and_reserve(&mut self.credits, n_units);
         clear_and_reserve(&mut self.before, n_units);

@@ -18,7 +18,7 @@ use crate::units::{AliveIds, AttackPhase, Units};
 /// ticks after a target came into their range.
 pub(crate) const LOOK_INTERVAL: f64 = 0.5;
 /// How much farther than it looks a unit keeps a target, and looks when it is alarmed.
-const LEASH: f64 = 5.0;
+const LEASH: f64 = 10.0;
 /// Units of the side of a unit that was hit look at once, if they are this near to it: the game's radius of
 /// calls for help.
 const CALL_RANGE: f64 = 4.0;

@@ -7,10 +7,12 @@
 use glam::Vec2;
 
 use super::super::{TickScratch, World};
+use super::bodies::side_of;
+use super::crowd::{Crowd, Group};
 use crate::simd::x4::{F32x4, Four, Mask4, Vec2x4, WIDTH, four};
 
 /// How far ahead of itself a unit looks for others that stand in its way, in squares.
-const LOOK_AHEAD: f32 = 1.0;
+const LOOK_AHEAD: f32 = 0.25;
 /// Cosine and sine of 20 degrees, by which a unit turns to find a free way; given as numbers, since the last
 /// bits of trigonometric functions depend on the machine.
 const TURN: [f32; 2] = [0.939_692_6, 0.342_020_15];
@@ -18,51 +20,6 @@ const TURN: [f32; 2] = [0.939_692_6, 0.342_020_15];
 const DIRECTIONS: usize = 10;
 /// Units that touch do not block the way past each other.
 const TOUCH: f32 = 0.98;
-
-/// The units of a plane that stand in this tick, in groups that one instruction computes. There are groups
-/// for all units, of which the first `len` count.
-#[derive(Debug, Default)]
-pub(in crate::tick) struct Standing {
-    len: usize,
-    groups: Vec<Group>,
-}
-
-/// Four units, one per entry of each column.
-#[derive(Clone, Copy, Debug, Default)]
-struct Group {
-    x: [f32; WIDTH],
-    y: [f32; WIDTH],
-    radii: [f32; WIDTH],
-    /// Exact as floats, which one instruction compares.
-    ids: [f32; WIDTH],
-}
-
-impl Standing {
-    pub fn reserve(&mut self, n_units: usize) {
-        self.groups.resize(n_units.div_ceil(WIDTH), Group::default());
-    }
-
-    pub fn clear(&mut self) {
-        self.len = 0;
-    }
-
-    /// Adds a unit if it stands, without a branch: whether it does is hard to predict.
-    #[inline(always)]
-    pub fn add_if(&mut self, stands: bool, id: u32, at: Vec2, radius: f32) {
-        let (group, entry) = (&mut self.groups[self.len / WIDTH], self.len % WIDTH);
-        (group.x[entry], group.y[entry]) = (at.x, at.y);
-        (group.radii[entry], group.ids[entry]) = (radius, id as f32);
-        self.len += usize::from(stands);
-    }
-
-    /// Fills the last group with units that are near no other, and returns the groups.
-    fn padded(&mut self) -> &[Group] {
-        while !self.len.is_multiple_of(WIDTH) {
-            self.add_if(true, u32::MAX, Vec2::INFINITY, 0.0);
-        }
-        &self.groups[..self.len / WIDTH]
-    }
-}
 
 /// Which of the standing units of a plane are near a unit that walks, as the bits of each group.
 #[derive(Debug, Default)]
@@ -73,6 +30,7 @@ pub(in crate::tick) struct Near {
 /// A unit that walks.
 struct Walker {
     at: Vec2,
+    side: f32,
     radius: f32,
     target: Option<u32>,
 }
@@ -82,19 +40,18 @@ impl Near {
         self.groups.resize(n_units.div_ceil(WIDTH), 0);
     }
 
-    /// Finds the units near a walker, but its target. Returns whether one of them is in its way.
+    /// Finds the units near a walker that do not give way: neither its target nor idle ones of its side. Returns whether one of them is in its way.
     #[inline(always)]
     fn find(&mut self, four: Four, standing: &[Group], walker: &Walker, straight: Vec2) -> bool {
         let (at, straight) = (Vec2x4::splat(four, walker.at), Vec2x4::splat(four, straight));
         let target = F32x4::splat(four, walker.target.map_or(-1.0, |target| target as f32));
-        let [radius, ahead, touch] =
-            [walker.radius, LOOK_AHEAD, TOUCH].map(|number| F32x4::splat(four, number));
+        let [radius, ahead, touch, side] =
+            [walker.radius, LOOK_AHEAD, TOUCH, walker.side].map(|number| F32x4::splat(four, number));
         let mut blocked = 0;
         for (near, group) in self.groups.iter_mut().zip(standing) {
-            let [x, y, radii, ids] =
-                [group.x, group.y, group.radii, group.ids].map(|numbers| F32x4::new(four, numbers));
-            let (way, reach) = (Vec2x4 { x, y } - at, radius + radii);
-            let is_near = way.length_squared().lt((reach + ahead) * (reach + ahead)) & !ids.eq(target);
+            let (way, reach) = (group.at(four) - at, radius + group.radii(four));
+            let is_near = way.length_squared().lt((reach + ahead) * (reach + ahead))
+                & !(group.ids(four).eq(target) | group.sides(four).eq(side));
             blocked |= (is_near & blocking(way, reach * touch, straight)).bits();
             *near = is_near.bits();
         }
@@ -120,8 +77,9 @@ impl Near {
             while left != 0 {
                 let entry = left.trailing_zeros() as usize;
                 left &= left - 1;
-                let way = Vec2x4::splat(four, Vec2::new(group.x[entry], group.y[entry]) - walker.at);
-                let reach = F32x4::splat(four, (walker.radius + group.radii[entry]) * TOUCH);
+                let other = group.member(entry);
+                let way = Vec2x4::splat(four, other.at - walker.at);
+                let reach = F32x4::splat(four, (walker.radius + other.body.radius) * TOUCH);
                 for (blocked, &[x, y]) in blocked.iter_mut().zip(&directions) {
                     let direction = Vec2x4 { x: F32x4::new(four, x), y: F32x4::new(four, y) };
                     *blocked = *blocked | blocking(way, reach, direction);
@@ -162,16 +120,16 @@ fn blocking(way: Vec2x4, reach: F32x4, direction: Vec2x4) -> Mask4 {
 pub(super) fn take(world: &mut World) {
     let World { arena, units, alive_ids, scratch, .. } = world;
     let TickScratch { preferred, standing, near, .. } = &mut **scratch;
-    if standing.iter().all(|plane| plane.len == 0) {
+    if standing.iter().all(Crowd::is_empty) {
         return;
     }
-    let standing = standing.each_mut().map(Standing::padded);
+    let standing = standing.each_mut().map(Crowd::padded);
     let four = four();
     // Slices of one length: one check of an id serves all columns.
     let n = units.pos.len();
     let (pos, vel, targets, preferred) =
         (&units.pos[..n], &units.vel[..n], &units.target[..n], &mut preferred[..n]);
-    let (all_stats, avoidance) = (&arena.starcraft_stats[..n], &arena.avoidance[..n]);
+    let all_stats = &arena.starcraft_stats[..n];
     for &id in &alive_ids.all {
         let i = id as usize;
         let speed = preferred[i].length();
@@ -179,8 +137,10 @@ pub(super) fn take(world: &mut World) {
             continue;
         }
         let straight = preferred[i] / speed;
-        let walker = Walker { at: pos[i], radius: avoidance[i].radius, target: targets[i] };
-        let standing = standing[all_stats[i].plane as usize];
+        let stats = &all_stats[i];
+        let radius = stats.body.radius;
+        let walker = Walker { at: pos[i], side: side_of(arena, id), radius, target: targets[i] };
+        let standing = standing[stats.plane as usize];
         if near.find(four, standing, &walker, straight)
             && let Some(free) = near.free_direction(four, standing, &walker, straight, vel[i])
         {
@@ -191,7 +151,10 @@ pub(super) fn take(world: &mut World) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::bodies::NO_SIDE;
+    use super::super::crowd::Member;
     use super::*;
+    use crate::arena::BodyStats;
     use crate::random::Generator;
 
     /// The rule, one unit and one direction after the other.
@@ -225,14 +188,21 @@ mod tests {
             let units: Vec<(Vec2, f32)> = (0..n_units)
                 .map(|_| (Vec2::new(number(0.0, width), number(0.0, width)), number(0.2, 0.3)))
                 .collect();
-            let (mut standing, mut near) = (Standing::default(), Near::default());
-            standing.reserve(n_units + 1);
-            near.reserve(n_units + 1);
+            let (mut standing, mut near) = (Crowd::default(), Near::default());
+            standing.reserve(n_units + 2);
+            near.reserve(n_units + 2);
             // Its target, which it may walk into, is among them.
-            let walker = Walker { at: Vec2::splat(width / 2.0), radius: 0.375, target: Some(n_units as u32) };
-            standing.add_if(true, n_units as u32, walker.at + Vec2::splat(0.1), 0.3);
+            let target = n_units as u32;
+            let walker =
+                Walker { at: Vec2::splat(width / 2.0), side: 1.0, radius: 0.375, target: Some(target) };
+            let mut add = |id, side, at, radius| {
+                standing.add_if(true, &Member { id, side, at, body: BodyStats { radius, weight: 1.0 } });
+            };
+            add(target, NO_SIDE, walker.at + Vec2::splat(0.1), 0.3);
+            // So are an idle unit of its side, which it pushes, and idle ones of the other, which it does not.
+            add(target + 1, walker.side, walker.at + Vec2::splat(0.2), 0.3);
             for (&(at, radius), id) in units.iter().zip(0..) {
-                standing.add_if(true, id, at, radius);
+                add(id, if id % 2 == 0 { NO_SIDE } else { 0.0 }, at, radius);
             }
             let straight = Vec2::new(number(-1.0, 2.0), number(-1.0, 2.0)).normalize();
             let vel = Vec2::new(number(-1.0, 2.0), number(-1.0, 2.0));

@@ -7,17 +7,21 @@
 //! generator.
 
 mod attack;
+mod bodies;
 mod choice;
+mod crowd;
 mod detours;
 mod hits;
 mod walk;
 
-use super::{Earned, World, avoid, deaths};
+use super::{Earned, World, deaths};
 use crate::random::Generator;
 
+pub(super) use bodies::Posture;
 pub(super) use choice::Chooser;
 pub(crate) use choice::{LOOK_INTERVAL, first_look};
-pub(super) use detours::{Near, Standing};
+pub(super) use crowd::Crowd;
+pub(super) use detours::Near;
 
 /// The greatest time that a projectile flies, in seconds: longer than any battle.
 pub(crate) const MAX_FLIGHT: f64 = 1e12;
@@ -27,7 +31,7 @@ pub(crate) fn run(world: &mut World, generator: &mut Generator) -> Earned {
     choice::choose_targets(world);
     walk::prefer(world);
     detours::take(world);
-    avoid::plan_velocities(world);
+    bodies::push_apart(world);
     walk::move_all(world);
     let mut earned = Earned::default();
     choice::remember(world);

@@ -5,7 +5,9 @@ use std::hint::select_unpredictable;
 use glam::Vec2;
 
 use super::super::{TickScratch, World};
-use super::detours::Standing;
+use super::Posture;
+use super::bodies::{NO_SIDE, side_of};
+use super::crowd::{Crowd, Member};
 use crate::arena::{Arena, StarcraftStats};
 use crate::command::Command;
 use crate::fast_math;
@@ -16,8 +18,8 @@ use crate::{ENERGY_PER_TICK, SHIELD_PER_TICK, TICK};
 #[inline(never)]
 pub(super) fn prefer(world: &mut World) {
     let World { arena, units, alive_ids, scratch, .. } = world;
-    let TickScratch { commands, preferred, standing, .. } = &mut **scratch;
-    standing.iter_mut().for_each(Standing::clear);
+    let TickScratch { commands, preferred, postures, standing, .. } = &mut **scratch;
+    standing.iter_mut().for_each(Crowd::clear);
     // Slices of one length: one check of an id serves all columns.
     let n = units.pos.len();
     let walks = Walks {
@@ -29,13 +31,32 @@ pub(super) fn prefer(world: &mut World) {
         targets: &units.target[..n],
         phases: &units.phases[..n],
     };
-    let (preferred, avoidance) = (&mut preferred[..n], &arena.avoidance[..n]);
+    let (preferred, postures) = (&mut preferred[..n], &mut postures[..n]);
     for &id in &alive_ids.all {
         let i = id as usize;
-        preferred[i] = walks.goal(id).map_or(Vec2::ZERO, |goal| walks.velocity(i, goal));
-        let stands = preferred[i] == Vec2::ZERO;
-        standing[walks.all_stats[i].plane as usize].add_if(stands, id, walks.pos[i], avoidance[i].radius);
+        let (goal, stats) = (walks.goal(id), &walks.all_stats[i]);
+        preferred[i] = match goal {
+            Goal::Point(goal) => walks.velocity(i, goal),
+            _ => Vec2::ZERO,
+        };
+        postures[i] = match goal {
+            _ if preferred[i] != Vec2::ZERO => Posture::Walks,
+            Goal::Hold => Posture::Holds,
+            _ if stats.speed == 0.0 => Posture::Holds,
+            _ => Posture::IsIdle,
+        };
+        let side = if postures[i] == Posture::Holds { NO_SIDE } else { side_of(arena, id) };
+        let member = Member { id, side, at: walks.pos[i], body: stats.body };
+        standing[stats.plane as usize].add_if(postures[i] != Posture::Walks, &member);
     }
+}
+
+/// Where a unit walks to.
+enum Goal {
+    Point(Vec2),
+    None,
+    /// It stands and attacks.
+    Hold,
 }
 
 /// What decides where units walk to, by battle-wide id.
@@ -50,9 +71,8 @@ struct Walks<'a> {
 }
 
 impl Walks<'_> {
-    /// Where a unit walks to; `None` if it stands.
     #[inline(always)]
-    fn goal(&self, id: u32) -> Option<Vec2> {
+    fn goal(&self, id: u32) -> Goal {
         let i = id as usize;
         let phase = &self.phases[i];
         // One branch: which of these lets a unit stand is hard to predict.
@@ -60,14 +80,16 @@ impl Walks<'_> {
         if let Some(target) = self.targets[i] {
             let (matchup, at) = (self.arena.matchup(id, target), self.pos[target as usize]);
             let is_near = matchup.reaches(self.pos[i], at, phase.hit_target == Some(target));
-            return (!(attacks | (is_near & matchup.can_attack))).then_some(at);
+            return if attacks | (is_near & matchup.can_attack) { Goal::Hold } else { Goal::Point(at) };
         }
         if attacks {
-            return None;
+            return Goal::Hold;
         }
         match self.commands[i] {
-            Command::MoveTo([x, y]) | Command::AttackMove([x, y]) => Some(Vec2::new(x as f32, y as f32)),
-            Command::Stop | Command::Target(_) => None,
+            Command::MoveTo([x, y]) | Command::AttackMove([x, y]) => {
+                Goal::Point(Vec2::new(x as f32, y as f32))
+            }
+            Command::Stop | Command::Target(_) => Goal::None,
         }
     }
 
@@ -103,13 +125,13 @@ pub(super) fn move_all(world: &mut World) {
     let (hp, shield, energy) = (&mut units.hp[..n], &mut units.shield[..n], &mut units.energy[..n]);
     let (cooldown, shield_cooldown) = (&mut units.cooldown[..n], &mut units.shield_cooldown[..n]);
     let (all_stats, regenerations) = (&arena.starcraft_stats[..n], &arena.regenerations[..n]);
-    let phases = &mut units.phases[..n];
+    let (phases, preferred) = (&mut units.phases[..n], &scratch.preferred[..n]);
     for &id in &alive_ids.all {
         let i = id as usize;
         let limits = &regenerations[i];
         vel[i] = planned_vel[i];
-        if vel[i] != Vec2::ZERO {
-            phases[i].turn_to(vel[i], all_stats[i].turn);
+        if preferred[i] != Vec2::ZERO {
+            phases[i].turn_to(preferred[i], all_stats[i].turn);
         }
         pos[i] = arena.extent.nearest(pos[i] + vel[i] * TICK as f32);
         cooldown[i] = fast_math::max(0.0, cooldown[i] - TICK);

@@ -1,0 +1,156 @@
+//! Bodies: all units step as they prefer, at once, and those that overlap then are pushed apart.
+//!
+//! Two units are pushed along the line of their centres until they touch, and each gives a *share* of that
+//! way:
+//!
+//! - of two that walk, the larger gives more, by the fourth power of its radius;
+//! - one that is idle gives nearly all to a unit of its side, and nothing to one of the other;
+//! - one that attacks gives nothing.
+//!
+//! The pushes of all pairs are added up, from the positions after the steps. No unit comes farther than its
+//! speed allows, and none into a wall. docs/concepts/starcraft.md says what this rests on.
+
+use glam::Vec2;
+
+use super::super::{TickScratch, World};
+use super::crowd::{Crowd, Group, Member};
+use crate::arena::{Arena, EdgeBlock};
+use crate::simd::x4::{Four, four};
+use crate::{TICK, TICKS_PER_SECOND};
+
+/// The share that a unit gives which walks into an idle one of its side.
+const SHARE_BESIDE_IDLE: f32 = 0.15;
+
+/// The side of a unit that gives nothing: no unit is of it.
+pub(super) const NO_SIDE: f32 = 2.0;
+
+/// What a unit does in a tick.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(in crate::tick) enum Posture {
+    Walks,
+    /// Stands, and units of its side push it.
+    IsIdle,
+    /// Stands, and nothing pushes it.
+    #[default]
+    Holds,
+}
+
+/// The side of a unit, as crowds have it.
+#[inline(always)]
+pub(super) fn side_of(arena: &Arena, id: u32) -> f32 {
+    if arena.is_enemy(id) { 1.0 } else { 0.0 }
+}
+
+/// Plans the velocity of every living unit.
+#[inline(never)]
+pub(super) fn push_apart(world: &mut World) {
+    let World { arena, units, alive_ids, scratch, .. } = world;
+    let TickScratch { preferred, postures, standing, walking, edge_search, .. } = &mut **scratch;
+    // Slices of one length: one check of an id serves all columns.
+    let n = units.pos.len();
+    let (pos, planned_vel) = (&units.pos[..n], &mut units.planned_vel[..n]);
+    let (preferred, postures) = (&preferred[..n], &postures[..n]);
+    let all_stats = &arena.starcraft_stats[..n];
+    let after_step = |id: u32| {
+        let (i, side) = (id as usize, side_of(arena, id));
+        Member { id, side, at: pos[i] + preferred[i] * TICK as f32, body: all_stats[i].body }
+    };
+    walking.iter_mut().for_each(Crowd::clear);
+    for &id in &alive_ids.all {
+        let i = id as usize;
+        walking[all_stats[i].plane as usize].add_if(postures[i] == Posture::Walks, &after_step(id));
+    }
+    let crowds = [standing.each_mut().map(Crowd::padded), walking.each_mut().map(Crowd::padded)];
+    let four = four();
+    for &id in &alive_ids.all {
+        let i = id as usize;
+        planned_vel[i] = Vec2::ZERO;
+        if postures[i] == Posture::Holds {
+            continue;
+        }
+        let (stats, member) = (&all_stats[i], after_step(id));
+        let [standing, walking] = crowds.map(|planes| planes[stats.plane as usize]);
+        let pushed = if postures[i] == Posture::IsIdle {
+            let share =
+                |other: &Member| if other.side == member.side { 1.0 - SHARE_BESIDE_IDLE } else { 0.0 };
+            // Idle units do not push each other.
+            pushes(four, standing, &member, |other| if other.side == member.side { 0.0 } else { 1.0 })
+                + pushes(four, walking, &member, share)
+        } else {
+            let share = |other: &Member| if other.side == member.side { SHARE_BESIDE_IDLE } else { 1.0 };
+            let weight = member.body.weight;
+            pushes(four, standing, &member, share)
+                + pushes(four, walking, &member, |other| weight / (weight + other.body.weight))
+        };
+        let longest = stats.speed * TICK as f32;
+        let mut step = shortened(member.at + pushed - pos[i], longest);
+        let cell = arena.edges.cell(pos[i]);
+        if stats.sees_walls && arena.edges.may_see(cell) {
+            let edges = arena.edges.near(cell, edge_search);
+            let to = off_walls(arena, edges, [pos[i], pos[i] + step], stats.wall_distance);
+            step = shortened(to - pos[i], longest);
+            // A unit that is too large for a gap stays.
+            if arena.is_wall(pos[i] + step) && !arena.is_wall(pos[i]) {
+                step = Vec2::ZERO;
+            }
+        }
+        planned_vel[i] = step * TICKS_PER_SECOND as f32;
+    }
+}
+
+fn shortened(step: Vec2, longest: f32) -> Vec2 {
+    let length_squared = step.length_squared();
+    if length_squared > longest * longest { step * (longest / length_squared.sqrt()) } else { step }
+}
+
+/// How far the units of a crowd push one that walks or is idle: the sum by ascending ids.
+#[inline(always)]
+fn pushes(four: Four, crowd: &[Group], unit: &Member, share: impl Fn(&Member) -> f32) -> Vec2 {
+    let mut sum = Vec2::ZERO;
+    for group in crowd {
+        let mut touching = group.touching(four, unit);
+        while touching != 0 {
+            let other = group.member(touching.trailing_zeros() as usize);
+            touching &= touching - 1;
+            if other.id == unit.id {
+                continue;
+            }
+            let way = unit.at - other.at;
+            let length = way.length();
+            // Of two units at one point, that with the lower id goes west.
+            let aside = if unit.id < other.id { Vec2::NEG_X } else { Vec2::X };
+            let direction = if length > 0.0 { way * (1.0 / length) } else { aside };
+            sum += direction * ((unit.body.radius + other.body.radius - length) * share(&other));
+        }
+    }
+    sum
+}
+
+/// The end of a way, moved away from walls that are nearer to it than this distance.
+#[inline(always)]
+fn off_walls(arena: &Arena, edges: &[EdgeBlock], [from, mut to]: [Vec2; 2], distance: f32) -> Vec2 {
+    for block in edges {
+        for &number in block.numbers.iter().take_while(|number| **number != EdgeBlock::NO_EDGE) {
+            let edge = arena.edges.edge(number);
+            // The outside of a wall is on the right. A unit that begins within one may leave it.
+            let outward = Vec2::new(edge.along.y, -edge.along.x);
+            if outward.dot(from - edge.start) < 0.0 {
+                continue;
+            }
+            let length = (edge.end - edge.start).dot(edge.along);
+            let way = to - edge.start;
+            let (along, across) = (way.dot(edge.along), way.dot(outward));
+            let past_end = along - along.clamp(0.0, length);
+            // Beside the edge the distance has a sign: the step may have led through it.
+            let apart = if past_end == 0.0 { across } else { Vec2::new(past_end, across).length() };
+            if apart < distance {
+                let direction = match past_end {
+                    0.0 => outward,
+                    _ => (edge.along * past_end + outward * across) * (1.0 / apart),
+                };
+                to += direction * (distance - apart);
+            }
+        }
+    }
+    to
+}
