@@ -4,7 +4,8 @@
 //! way:
 //!
 //! - of two that walk, the larger gives more, by the fourth power of its radius;
-//! - one that is idle gives nearly all to a unit of its side, and nothing to one of the other;
+//! - one that is idle gives nearly all to a unit of its side that walks, half to an idle one, and nothing to
+//!   units of the other side;
 //! - one that attacks gives nothing.
 //!
 //! The pushes of all pairs are added up, from the positions after the steps. No unit comes farther than its
@@ -73,8 +74,7 @@ pub(super) fn push_apart(world: &mut World) {
         let pushed = if postures[i] == Posture::IsIdle {
             let share =
                 |other: &Member| if other.side == member.side { 1.0 - SHARE_BESIDE_IDLE } else { 0.0 };
-            // Idle units do not push each other.
-            pushes(four, standing, &member, |other| if other.side == member.side { 0.0 } else { 1.0 })
+            pushes(four, standing, &member, |other| if other.side == member.side { 0.5 } else { 1.0 })
                 + pushes(four, walking, &member, share)
         } else {
             let share = |other: &Member| if other.side == member.side { SHARE_BESIDE_IDLE } else { 1.0 };
