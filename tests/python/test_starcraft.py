@@ -127,8 +127,15 @@ def test_the_units_of_the_interface_of_smac_have_the_cooldowns_of_the_rules() ->
     """The cooldown that was left was 30 % too short."""
     env = smac.MultiAgentEnv("2s3z", rules="starcraft", seed=1)
     env.reset()
+    east, first_target = 4, 6
     for _ in range(30):
-        env.step([int(np.flatnonzero(mask)[-1]) for mask in env.get_avail_actions()])
+        masks = env.get_avail_actions()
+        env.step(
+            [
+                int(np.argmax(mask[first_target:])) + first_target if any(mask[first_target:]) else east
+                for mask in masks
+            ]
+        )
         left = sp.snapshot_columns(env._battle.last.snapshot)["cooldown"][:5]
         if left.any():
             break
