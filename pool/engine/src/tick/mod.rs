@@ -20,6 +20,7 @@ use crate::arena::{Arena, EdgeSearch};
 use crate::buffers::clear_and_reserve;
 use crate::command::Command;
 use crate::neighbour_order::NeighbourOrder;
+use crate::simd::Level;
 use crate::units::{AliveIds, Units};
 
 /// The parts of a battle that a tick reads and changes.
@@ -69,6 +70,8 @@ pub(crate) fn remove_all_dead(world: &mut World) {
 /// Entries of dead units are stale.
 #[derive(Debug, Default)]
 pub(crate) struct TickScratch {
+    /// The widest instruction set of the processor.
+    level: Level,
     /// The command of each unit for this step; those of dead units are stale.
     commands: Vec<Command>,
     // The living units by their command, but those that stop.

@@ -28,7 +28,7 @@ use glam::Vec2;
 use super::World;
 use crate::arena::{Arena, EdgeSearch};
 use crate::neighbour_order::PlaneOrder;
-use crate::simd::{InstructionSet, Kernel, Level};
+use crate::simd::{InstructionSet, Kernel};
 use near_list::{NearList, NearUnit};
 use nearest_list::NearestList;
 use pending_programs::{Mover, PendingPrograms};
@@ -40,7 +40,6 @@ const EPSILON: f32 = 1e-5;
 /// Working memory of collision avoidance.
 #[derive(Debug, Default)]
 pub(crate) struct AvoidScratch {
-    level: Level,
     /// The living units of each plane.
     planes: [PlaneUnits; 3],
     /// The neighbours of all units of a plane.
@@ -66,7 +65,7 @@ impl AvoidScratch {
 #[inline(never)]
 pub(super) fn plan_velocities(world: &mut World) {
     let World { arena, units, neighbour_order, scratch, .. } = world;
-    scratch.avoid.level.run(Planning {
+    scratch.level.run(Planning {
         arena,
         positions: &units.pos,
         preferred: &scratch.preferred,

@@ -14,9 +14,9 @@
 use glam::Vec2;
 
 use super::super::{TickScratch, World};
-use super::crowd::{Crowd, Group, Member};
+use super::crowd::{Crowd, Member};
 use crate::arena::{Arena, EdgeBlock};
-use crate::simd::x4::{Four, four};
+use crate::simd::{F32s, InstructionSet, Kernel, Vec2s};
 use crate::{TICK, TICKS_PER_SECOND};
 
 /// The share that a unit gives which walks into an idle one of its side.
@@ -45,6 +45,22 @@ pub(super) fn side_of(arena: &Arena, id: u32) -> f32 {
 /// Plans the velocity of every living unit.
 #[inline(never)]
 pub(super) fn push_apart(world: &mut World) {
+    world.scratch.level.run(Pushing { world });
+}
+
+struct Pushing<'a, 'w> {
+    world: &'a mut World<'w>,
+}
+
+impl Kernel for Pushing<'_, '_> {
+    #[inline(always)]
+    fn run<S: InstructionSet>(self, simd: S) {
+        push_all(simd, self.world);
+    }
+}
+
+#[inline(always)]
+fn push_all<S: InstructionSet>(simd: S, world: &mut World) {
     let World { arena, units, alive_ids, scratch, .. } = world;
     let TickScratch { preferred, postures, standing, walking, edge_search, .. } = &mut **scratch;
     // Slices of one length: one check of an id serves all columns.
@@ -61,8 +77,6 @@ pub(super) fn push_apart(world: &mut World) {
         let i = id as usize;
         walking[all_stats[i].plane as usize].add_if(postures[i] == Posture::Walks, &after_step(id));
     }
-    let crowds = [standing.each_mut().map(Crowd::padded), walking.each_mut().map(Crowd::padded)];
-    let four = four();
     for &id in &alive_ids.all {
         let i = id as usize;
         planned_vel[i] = Vec2::ZERO;
@@ -70,17 +84,17 @@ pub(super) fn push_apart(world: &mut World) {
             continue;
         }
         let (stats, member) = (&all_stats[i], after_step(id));
-        let [standing, walking] = crowds.map(|planes| planes[stats.plane as usize]);
+        let (standing, walking) = (&standing[stats.plane as usize], &walking[stats.plane as usize]);
         let pushed = if postures[i] == Posture::IsIdle {
             let share =
                 |other: &Member| if other.side == member.side { 1.0 - SHARE_BESIDE_IDLE } else { 0.0 };
-            pushes(four, standing, &member, |other| if other.side == member.side { 0.5 } else { 1.0 })
-                + pushes(four, walking, &member, share)
+            pushes(simd, standing, &member, |other| if other.side == member.side { 0.5 } else { 1.0 })
+                + pushes(simd, walking, &member, share)
         } else {
             let share = |other: &Member| if other.side == member.side { SHARE_BESIDE_IDLE } else { 1.0 };
             let weight = member.body.weight;
-            pushes(four, standing, &member, share)
-                + pushes(four, walking, &member, |other| weight / (weight + other.body.weight))
+            pushes(simd, standing, &member, share)
+                + pushes(simd, walking, &member, |other| weight / (weight + other.body.weight))
         };
         let longest = stats.speed * TICK as f32;
         let mut step = shortened(member.at + pushed - pos[i], longest);
@@ -105,10 +119,14 @@ fn shortened(step: Vec2, longest: f32) -> Vec2 {
 
 /// How far the units of a crowd push one that walks or is idle: the sum by ascending ids.
 #[inline(always)]
-fn pushes(four: Four, crowd: &[Group], unit: &Member, share: impl Fn(&Member) -> f32) -> Vec2 {
+fn pushes<S: InstructionSet>(simd: S, crowd: &Crowd, unit: &Member, share: impl Fn(&Member) -> f32) -> Vec2 {
+    let (at, radius) = (Vec2s::splat(simd, unit.at), F32s::splat(simd, unit.body.radius));
     let mut sum = Vec2::ZERO;
-    for group in crowd {
-        let mut touching = group.touching(four, unit);
+    for (len, group) in crowd.groups() {
+        let mut touching = group.which(simd, len, |them| {
+            let reach = radius + them.radii;
+            (at - them.at).length_squared().lt(reach * reach)
+        });
         while touching != 0 {
             let other = group.member(touching.trailing_zeros() as usize);
             touching &= touching - 1;

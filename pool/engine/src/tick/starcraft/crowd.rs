@@ -1,9 +1,9 @@
-//! Units of a plane, in groups that one instruction computes.
+//! Units of a plane, in groups of which one instruction computes several.
 
 use glam::Vec2;
 
 use crate::arena::BodyStats;
-use crate::simd::x4::{F32x4, Four, Vec2x4, WIDTH};
+use crate::simd::{Column, F32s, InstructionSet, MAX_WIDTH, Mask, Vec2s};
 
 /// Units, of which the first `len` count; there are groups for all units.
 #[derive(Debug, Default)]
@@ -12,14 +12,14 @@ pub(in crate::tick) struct Crowd {
     groups: Vec<Group>,
 }
 
-/// Four units, one per entry of each column. Ids and sides are exact as floats.
+/// Units, one per entry of each column. Ids and sides are exact as floats.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::tick) struct Group {
-    at: [[f32; WIDTH]; 2],
-    ids: [f32; WIDTH],
-    sides: [f32; WIDTH],
-    radii: [f32; WIDTH],
-    weights: [f32; WIDTH],
+    at: [Column; 2],
+    ids: Column,
+    sides: Column,
+    radii: Column,
+    weights: Column,
 }
 
 /// A unit of a crowd.
@@ -31,9 +31,17 @@ pub(in crate::tick) struct Member {
     pub body: BodyStats,
 }
 
+/// Units of a group, in registers.
+pub(in crate::tick) struct Members<S: InstructionSet> {
+    pub at: Vec2s<S>,
+    pub ids: F32s<S>,
+    pub sides: F32s<S>,
+    pub radii: F32s<S>,
+}
+
 impl Crowd {
     pub fn reserve(&mut self, n_units: usize) {
-        self.groups.resize(n_units.div_ceil(WIDTH), Group::default());
+        self.groups.resize(n_units.div_ceil(MAX_WIDTH), Group::default());
     }
 
     pub fn clear(&mut self) {
@@ -47,7 +55,7 @@ impl Crowd {
     /// Adds a unit if a condition holds, without a branch: what units do is hard to predict.
     #[inline(always)]
     pub fn add_if(&mut self, condition: bool, member: &Member) {
-        let (group, entry) = (&mut self.groups[self.len / WIDTH], self.len % WIDTH);
+        let (group, entry) = (&mut self.groups[self.len / MAX_WIDTH], self.len % MAX_WIDTH);
         for (column, number) in group.at.iter_mut().zip(member.at.to_array()) {
             column[entry] = number;
         }
@@ -56,45 +64,36 @@ impl Crowd {
         self.len += usize::from(condition);
     }
 
-    /// Fills the last group with units that are near no other, and returns the groups.
-    pub fn padded(&mut self) -> &[Group] {
-        let nowhere = Member { id: u32::MAX, side: 0.0, at: Vec2::INFINITY, body: BodyStats::default() };
-        while !self.len.is_multiple_of(WIDTH) {
-            self.add_if(true, &nowhere);
-        }
-        &self.groups[..self.len / WIDTH]
+    /// The groups, each with the number of its units.
+    #[inline(always)]
+    pub fn groups(&self) -> impl Iterator<Item = (usize, &Group)> {
+        let lengths = (0..self.len).step_by(MAX_WIDTH).map(|first| usize::min(self.len - first, MAX_WIDTH));
+        lengths.zip(&self.groups)
     }
 }
 
 impl Group {
-    /// The positions of the units.
+    /// Which of the first `len` units a condition holds of, as bits.
     #[inline(always)]
-    pub fn at(&self, four: Four) -> Vec2x4 {
-        let [x, y] = self.at.map(|numbers| F32x4::new(four, numbers));
-        Vec2x4 { x, y }
-    }
-
-    #[inline(always)]
-    pub fn radii(&self, four: Four) -> F32x4 {
-        F32x4::new(four, self.radii)
-    }
-
-    #[inline(always)]
-    pub fn ids(&self, four: Four) -> F32x4 {
-        F32x4::new(four, self.ids)
-    }
-
-    #[inline(always)]
-    pub fn sides(&self, four: Four) -> F32x4 {
-        F32x4::new(four, self.sides)
-    }
-
-    /// Which of the units overlap another, as bits.
-    #[inline(always)]
-    pub fn touching(&self, four: Four, unit: &Member) -> u32 {
-        let way = Vec2x4::splat(four, unit.at) - self.at(four);
-        let reach = F32x4::splat(four, unit.body.radius) + self.radii(four);
-        way.length_squared().lt(reach * reach).bits()
+    pub fn which<S: InstructionSet>(
+        &self,
+        simd: S,
+        len: usize,
+        condition: impl Fn(&Members<S>) -> Mask<S>,
+    ) -> u32 {
+        let mut bits = 0;
+        for first in (0..len).step_by(S::WIDTH) {
+            let column = |column: &Column| F32s::from_slice(simd, &column[first..]);
+            let members = Members {
+                at: Vec2s::load_from(simd, &self.at, first),
+                ids: column(&self.ids),
+                sides: column(&self.sides),
+                radii: column(&self.radii),
+            };
+            bits |= condition(&members).bits() << first;
+        }
+        // Entries behind the last unit are those of earlier ticks.
+        bits & (u32::MAX >> (u32::BITS as usize - len))
     }
 
     /// One of the units.

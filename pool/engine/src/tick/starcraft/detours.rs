@@ -8,8 +8,9 @@ use glam::Vec2;
 
 use super::super::{TickScratch, World};
 use super::bodies::side_of;
-use super::crowd::{Crowd, Group};
-use crate::simd::x4::{F32x4, Four, Mask4, Vec2x4, WIDTH, four};
+use super::crowd::Crowd;
+use crate::simd::x4::{F32x4, Four, Vec2x4, WIDTH, four};
+use crate::simd::{F32s, InstructionSet, Kernel, MAX_WIDTH, Mask, Vec2s};
 
 /// How far ahead of itself a unit looks for others that stand in its way, in squares.
 const LOOK_AHEAD: f32 = 0.25;
@@ -37,23 +38,39 @@ struct Walker {
 
 impl Near {
     pub fn reserve(&mut self, n_units: usize) {
-        self.groups.resize(n_units.div_ceil(WIDTH), 0);
+        self.groups.resize(n_units.div_ceil(MAX_WIDTH), 0);
     }
 
-    /// Finds the units near a walker that do not give way: neither its target nor idle ones of its side. Returns whether one of them is in its way.
+    /// Finds the units near a walker that do not give way: neither its target nor idle ones of its side. Returns
+    /// whether one of them is in its way.
     #[inline(always)]
-    fn find(&mut self, four: Four, standing: &[Group], walker: &Walker, straight: Vec2) -> bool {
-        let (at, straight) = (Vec2x4::splat(four, walker.at), Vec2x4::splat(four, straight));
-        let target = F32x4::splat(four, walker.target.map_or(-1.0, |target| target as f32));
-        let [radius, ahead, touch, side] =
-            [walker.radius, LOOK_AHEAD, TOUCH, walker.side].map(|number| F32x4::splat(four, number));
+    fn find<S: InstructionSet>(
+        &mut self,
+        simd: S,
+        standing: &Crowd,
+        walker: &Walker,
+        straight: Vec2,
+    ) -> bool {
+        let (at, straight) = (Vec2s::splat(simd, walker.at), Vec2s::splat(simd, straight));
+        let target = walker.target.map_or(-1.0, |target| target as f32);
+        let [radius, ahead, touch, side, target] = [walker.radius, LOOK_AHEAD, TOUCH, walker.side, target]
+            .map(
+                #[inline(always)]
+                |number| F32s::splat(simd, number),
+            );
         let mut blocked = 0;
-        for (near, group) in self.groups.iter_mut().zip(standing) {
-            let (way, reach) = (group.at(four) - at, radius + group.radii(four));
-            let is_near = way.length_squared().lt((reach + ahead) * (reach + ahead))
-                & !(group.ids(four).eq(target) | group.sides(four).eq(side));
-            blocked |= (is_near & blocking(way, reach * touch, straight)).bits();
-            *near = is_near.bits();
+        for (near, (len, group)) in self.groups.iter_mut().zip(standing.groups()) {
+            *near = group.which(simd, len, |them| {
+                let reach = radius + them.radii + ahead;
+                (them.at - at).length_squared().lt(reach * reach)
+                    & !(them.ids.eq(target) | them.sides.eq(side))
+            });
+            if *near != 0 {
+                blocked |= *near
+                    & group.which(simd, len, |them| {
+                        blocking(them.at - at, (radius + them.radii) * touch, straight)
+                    });
+            }
         }
         blocked != 0
     }
@@ -65,19 +82,18 @@ impl Near {
     fn free_direction(
         &self,
         four: Four,
-        standing: &[Group],
+        standing: &Crowd,
         walker: &Walker,
         straight: Vec2,
         vel: Vec2,
     ) -> Option<Vec2> {
         let directions = directions(straight, vel);
         let mut blocked = [F32x4::splat(four, 0.0); DIRECTIONS.div_ceil(WIDTH)].map(|zero| zero.lt(zero));
-        for (&near, group) in self.groups.iter().zip(standing) {
+        for (&near, (_, group)) in self.groups.iter().zip(standing.groups()) {
             let mut left = near;
             while left != 0 {
-                let entry = left.trailing_zeros() as usize;
+                let other = group.member(left.trailing_zeros() as usize);
                 left &= left - 1;
-                let other = group.member(entry);
                 let way = Vec2x4::splat(four, other.at - walker.at);
                 let reach = F32x4::splat(four, (walker.radius + other.body.radius) * TOUCH);
                 for (blocked, &[x, y]) in blocked.iter_mut().zip(&directions) {
@@ -110,20 +126,35 @@ fn directions(straight: Vec2, vel: Vec2) -> [[[f32; WIDTH]; 2]; DIRECTIONS.div_c
 
 /// Which of some units, seen from one that walks, are in its way; or in which of some ways a unit is.
 #[cfg_attr(not(target_family = "wasm"), inline(always))] // in browsers size counts
-fn blocking(way: Vec2x4, reach: F32x4, direction: Vec2x4) -> Mask4 {
-    let is_ahead = way.dot(direction).gt(F32x4::splat(reach.simd(), 0.0));
+fn blocking<S: InstructionSet>(way: Vec2s<S>, reach: F32s<S>, direction: Vec2s<S>) -> Mask<S> {
+    let is_ahead = way.dot(direction).gt(F32s::splat(reach.simd(), 0.0));
     is_ahead & way.perp_dot(direction).abs().lt(reach)
 }
 
 /// Lets every living unit that would walk into others that stand prefer a way past them.
 #[inline(never)]
 pub(super) fn take(world: &mut World) {
+    world.scratch.level.run(Turning { world });
+}
+
+struct Turning<'a, 'w> {
+    world: &'a mut World<'w>,
+}
+
+impl Kernel for Turning<'_, '_> {
+    #[inline(always)]
+    fn run<S: InstructionSet>(self, simd: S) {
+        turn_all(simd, self.world);
+    }
+}
+
+#[inline(always)]
+fn turn_all<S: InstructionSet>(simd: S, world: &mut World) {
     let World { arena, units, alive_ids, scratch, .. } = world;
     let TickScratch { preferred, standing, near, .. } = &mut **scratch;
     if standing.iter().all(Crowd::is_empty) {
         return;
     }
-    let standing = standing.each_mut().map(Crowd::padded);
     let four = four();
     // Slices of one length: one check of an id serves all columns.
     let n = units.pos.len();
@@ -140,8 +171,8 @@ pub(super) fn take(world: &mut World) {
         let stats = &all_stats[i];
         let radius = stats.body.radius;
         let walker = Walker { at: pos[i], side: side_of(arena, id), radius, target: targets[i] };
-        let standing = standing[stats.plane as usize];
-        if near.find(four, standing, &walker, straight)
+        let standing = &standing[stats.plane as usize];
+        if near.find(simd, standing, &walker, straight)
             && let Some(free) = near.free_direction(four, standing, &walker, straight, vel[i])
         {
             preferred[i] = free * speed;
@@ -207,9 +238,8 @@ mod tests {
             let straight = Vec2::new(number(-1.0, 2.0), number(-1.0, 2.0)).normalize();
             let vel = Vec2::new(number(-1.0, 2.0), number(-1.0, 2.0));
             let expected = first_free(&units, &walker, straight, vel);
-            let groups = standing.padded();
-            let taken = match near.find(four(), groups, &walker, straight) {
-                true => near.free_direction(four(), groups, &walker, straight, vel),
+            let taken = match near.find(four(), &standing, &walker, straight) {
+                true => near.free_direction(four(), &standing, &walker, straight, vel),
                 false => Some(straight),
             };
             assert_eq!(taken, expected, "case {case}");
