@@ -16,7 +16,7 @@ mod targets;
 use glam::Vec2;
 use smaclite_scenarios::Faction;
 
-use crate::arena::{Arena, EdgeSearch};
+use crate::arena::Arena;
 use crate::buffers::clear_and_reserve;
 use crate::command::Command;
 use crate::neighbour_order::NeighbourOrder;
@@ -121,8 +121,6 @@ pub(crate) struct TickScratch {
     pub credits: Vec<f64>,
     /// Health and shield of each unit at the start of the step; stale unless losses count.
     pub before: Vec<f64>,
-    /// Under rules `starcraft`, for the walls that are near a unit.
-    edge_search: EdgeSearch,
     target_choice: target_choice::TargetChoiceScratch,
     avoid: avoid::AvoidScratch,
 }
@@ -178,7 +176,6 @@ impl TickScratch {
         self.vitality.resize(n_units, 0.0);
         self.postures.resize(n_units, starcraft::Posture::default());
         self.standing.iter_mut().chain(&mut self.walking).for_each(|crowd| crowd.reserve(n_units));
-        self.edge_search.reserve(n_edges);
         self.near.reserve(n_units);
         clear_and_reserve(&mut self.credits, n_units);
         clear_and_reserve(&mut self.before, n_units);

@@ -44,7 +44,7 @@ pub(crate) struct AvoidScratch {
     planes: [PlaneUnits; 3],
     /// The neighbours of all units of a plane.
     near: NearList,
-    edge_search: EdgeSearch,
+    pub(super) edge_search: EdgeSearch,
     /// Edges in sight of a unit.
     seen: NearestList,
     pending: PendingPrograms,

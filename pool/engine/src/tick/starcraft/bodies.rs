@@ -15,7 +15,7 @@ use glam::Vec2;
 
 use super::super::{TickScratch, World};
 use super::crowd::{Crowd, Member};
-use crate::arena::{Arena, EdgeBlock};
+use crate::arena::{Arena, EdgeBlock, EdgeSearch, StarcraftStats};
 use crate::simd::{F32s, InstructionSet, Kernel, Vec2s};
 use crate::{TICK, TICKS_PER_SECOND};
 
@@ -62,7 +62,7 @@ impl Kernel for Pushing<'_, '_> {
 #[inline(always)]
 fn push_all<S: InstructionSet>(simd: S, world: &mut World) {
     let World { arena, units, alive_ids, scratch, .. } = world;
-    let TickScratch { preferred, postures, standing, walking, edge_search, .. } = &mut **scratch;
+    let TickScratch { preferred, postures, standing, walking, avoid, .. } = &mut **scratch;
     // Slices of one length: one check of an id serves all columns.
     let n = units.pos.len();
     let (pos, planned_vel) = (&units.pos[..n], &mut units.planned_vel[..n]);
@@ -96,25 +96,21 @@ fn push_all<S: InstructionSet>(simd: S, world: &mut World) {
             pushes(simd, standing, &member, share)
                 + pushes(simd, walking, &member, |other| weight / (weight + other.body.weight))
         };
-        let longest = stats.speed * TICK as f32;
-        let mut step = shortened(member.at + pushed - pos[i], longest);
-        let cell = arena.edges.cell(pos[i]);
-        if stats.sees_walls && arena.edges.may_see(cell) {
-            let edges = arena.edges.near(cell, edge_search);
-            let to = off_walls(arena, edges, [pos[i], pos[i] + step], stats.wall_distance);
-            step = shortened(to - pos[i], longest);
-            // A unit that is too large for a gap stays.
-            if arena.is_wall(pos[i] + step) && !arena.is_wall(pos[i]) {
-                step = Vec2::ZERO;
-            }
+        let mut step = stats.shortened(member.at + pushed - pos[i]);
+        if stats.sees_walls {
+            step = off_walls(arena, pos[i], step, stats, &mut avoid.edge_search);
         }
         planned_vel[i] = step * TICKS_PER_SECOND as f32;
     }
 }
 
-fn shortened(step: Vec2, longest: f32) -> Vec2 {
-    let length_squared = step.length_squared();
-    if length_squared > longest * longest { step * (longest / length_squared.sqrt()) } else { step }
+impl StarcraftStats {
+    /// A step of a tick, or the part of it for which the unit is fast enough.
+    #[inline(always)]
+    fn shortened(&self, step: Vec2) -> Vec2 {
+        let (longest, length_squared) = (self.speed * TICK as f32, step.length_squared());
+        if length_squared > longest * longest { step * (longest / length_squared.sqrt()) } else { step }
+    }
 }
 
 /// How far the units of a crowd push one that walks or is idle: the sum by ascending ids.
@@ -144,10 +140,21 @@ fn pushes<S: InstructionSet>(simd: S, crowd: &Crowd, unit: &Member, share: impl 
     sum
 }
 
-/// The end of a way, moved away from walls that are nearer to it than this distance.
+/// A step that ends away from the walls around its start.
 #[inline(always)]
-fn off_walls(arena: &Arena, edges: &[EdgeBlock], [from, mut to]: [Vec2; 2], distance: f32) -> Vec2 {
-    for block in edges {
+fn off_walls(
+    arena: &Arena,
+    from: Vec2,
+    step: Vec2,
+    stats: &StarcraftStats,
+    edge_search: &mut EdgeSearch,
+) -> Vec2 {
+    let cell = arena.edges.cell(from);
+    if !arena.edges.may_see(cell) {
+        return step;
+    }
+    let (mut to, distance) = (from + step, stats.wall_distance);
+    for block in arena.edges.near(cell, edge_search) {
         for &number in block.numbers.iter().take_while(|number| **number != EdgeBlock::NO_EDGE) {
             let edge = arena.edges.edge(number);
             // The outside of a wall is on the right. A unit that begins within one may leave it.
@@ -170,5 +177,7 @@ fn off_walls(arena: &Arena, edges: &[EdgeBlock], [from, mut to]: [Vec2; 2], dist
             }
         }
     }
-    to
+    let step = stats.shortened(to - from);
+    // A unit that is too large for a gap stays.
+    if arena.is_wall(from + step) && !arena.is_wall(from) { Vec2::ZERO } else { step }
 }
