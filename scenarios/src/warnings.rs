@@ -14,7 +14,8 @@ impl ScenarioFiles {
     ///
     /// - ground units that start on blocked squares, which they may never leave;
     /// - agents and enemies, all of them ground units, that no path connects;
-    /// - agents that attack, but none of the enemies, also of teams that are drawn.
+    /// - agents that attack, but none of the enemies, also of teams that are drawn;
+    /// - agents that all heal.
     ///
     /// An invalid scenario has none. Where start positions are drawn, nothing is said of those of groups.
     ///
@@ -71,6 +72,10 @@ fn warn(scenario: &Scenario, groups: &Node) {
             warn_of_blocked_squares(scenario, &group, here);
         }
         rest = others;
+    }
+    let mut agents = scenario.units.iter().filter(|unit| unit.faction == Faction::Ally);
+    if scenario.generation.is_none() && agents.all(|unit| scenario.unit_types[unit.unit_type].is_healer()) {
+        groups.conflict("have no agent that attacks, so no battle can be won");
     }
     if scenario.generation.is_none() && are_separated(scenario) {
         groups.conflict("are separated by walls: no path connects the agents with the enemies");

@@ -365,9 +365,10 @@ fn what_is_probably_a_mistake_is_a_warning() {
     let [allies, more] = [("num_allied_units", "3"), ("groups", three.as_str())];
     let warnings = texts(&[allies, more, one], Vec::new()).warnings();
     assert!(warnings[0].message.contains("never leave, and 2 more; rules"), "{warnings:?}");
-    // What flies may start on walls, and reaches everything.
+    // What flies may start on walls, and reaches everything. Medivacs alone only heal.
+    let harmless = "`groups` have no agent that attacks, so no battle can be won";
     let flying = groups(r#""x":9,"y":30 "MEDIVAC":1"#, r#""x":23,"y":30 "MEDIVAC":1"#);
-    check(&[("groups", &flying), one], &[]);
+    check(&[("groups", &flying), one], &[harmless]);
 
     let rows = ["______", "______", "______", "XXXXXX", "______", "______"];
     let sides = |rows: &[&str]| {
@@ -383,7 +384,7 @@ fn what_is_probably_a_mistake_is_a_warning() {
     };
     let separated = "`groups` are separated by walls: no path connects the agents with the enemies";
     on_map(&rows, r#""ZEALOT":1"#, &[separated]);
-    on_map(&rows, r#""MEDIVAC":1"#, &[]);
+    on_map(&rows, r#""MEDIVAC":1"#, &[harmless]);
     let with_gap = ["______", "______", "______", "XXX_XX", "______", "______"];
     on_map(&with_gap, r#""ZEALOT":1"#, &[]);
     let with_corner = ["______", "______", "______", "XXX_XX", "___X__", "_____X"];
