@@ -425,8 +425,8 @@ fn enemies_start_as_agents_do_and_not_as_their_images() {
 }
 
 /// Zealots at the start of corridor, around the first, and the way of each in the first step of a recorded
-/// battle: the first is idle, and the last walks into it. The idle one in the north-west is pushed 0.3 squares
-/// north in the game, and here less.
+/// battle: the first is idle, and the last walks into it. The idle one in the north-west is pushed 0.3
+/// squares north in the game, and here less.
 #[test]
 fn a_unit_that_walks_pushes_idle_ones_of_its_side_as_recorded() {
     let zealots = [
@@ -504,7 +504,8 @@ fn no_unit_is_pushed_into_a_wall() {
     let terrain: Vec<String> = (0..24).map(|row| walls[usize::from(row % 4 == 0)].to_string()).collect();
     for (size, speed) in [(0.75, 3.0), (0.2, 30.0), (1.8, 8.0), (3.5, 3.0)] {
         std::fs::write(folder.path().join("own.json"), unit(size, speed)).expect("a file");
-        let json = serde_json::json!({ "name": "walls", "num_allied_units": 6, "num_enemy_units": 6, "groups": [
+        let json = serde_json::json!({ "name": "walls", "num_allied_units": 6, "num_enemy_units": 6,
+            "groups": [
             { "x": 12, "y": 6, "faction": "ALLY", "units": { "own": 6 } },
             { "x": 12, "y": 14, "faction": "ENEMY", "units": { "own": 6 } } ],
             "custom_unit_path": ".", "terrain": terrain, "attack_point": [12, 2], "num_unit_types": 0,

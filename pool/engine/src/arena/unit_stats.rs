@@ -11,8 +11,8 @@ use crate::{TICK, TICKS_PER_SECOND};
 /// recorded enemies stop, and 0.2, which fits what random play earns in SMAC.
 const SCAN_MARGIN: f64 = 0.3;
 
-/// Under rules `starcraft`, how far units reach into others: recorded ones touch at the sum of their radii less
-/// twice this.
+/// Under rules `starcraft`, how far units reach into others: recorded ones touch at the sum of their radii
+/// less twice this.
 const OVERLAP: f64 = 1.0 / 32.0;
 
 /// The stats of a unit type, and values derived from them that a tick reads.

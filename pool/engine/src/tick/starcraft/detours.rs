@@ -41,8 +41,8 @@ impl Near {
         self.groups.resize(n_units.div_ceil(MAX_WIDTH), 0);
     }
 
-    /// Finds the units near a walker that do not give way: neither its target nor idle ones of its side. Returns
-    /// whether one of them is in its way.
+    /// Finds the units near a walker that do not give way: neither its target nor idle ones of its side.
+    /// Returns whether one of them is in its way.
     #[inline(always)]
     fn find<S: InstructionSet>(
         &mut self,
@@ -230,7 +230,7 @@ mod tests {
                 standing.add_if(true, &Member { id, side, at, body: BodyStats { radius, weight: 1.0 } });
             };
             add(target, NO_SIDE, walker.at + Vec2::splat(0.1), 0.3);
-            // So are an idle unit of its side, which it pushes, and idle ones of the other, which it does not.
+            // So are an idle unit of its side, which it pushes, and idle ones of the other side.
             add(target + 1, walker.side, walker.at + Vec2::splat(0.2), 0.3);
             for (&(at, radius), id) in units.iter().zip(0..) {
                 add(id, if id % 2 == 0 { NO_SIDE } else { 0.0 }, at, radius);
