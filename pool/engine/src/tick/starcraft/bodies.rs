@@ -6,7 +6,7 @@
 //! - of two that walk, the larger gives more, by the fourth power of its radius;
 //! - one that is idle gives nearly all to a unit of its side that walks, half to an idle one, and nothing to
 //!   units of the other side;
-//! - one that attacks gives nothing.
+//! - one that attacks gives nothing, but half to another that attacks.
 //!
 //! The pushes of all pairs are added up, from the positions after the steps. No unit comes farther than its
 //! speed allows, and none into a wall. docs/concepts/starcraft.md says what this rests on.
@@ -22,7 +22,7 @@ use crate::{TICK, TICKS_PER_SECOND};
 /// The share that a unit gives which walks into an idle one of its side.
 const SHARE_BESIDE_IDLE: f32 = 0.15;
 
-/// The side of a unit that gives nothing: no unit is of it.
+/// The side of a unit that holds its place: no other unit is of it.
 pub(super) const NO_SIDE: f32 = 2.0;
 
 /// What a unit does in a tick.
@@ -31,7 +31,7 @@ pub(in crate::tick) enum Posture {
     Walks,
     /// Stands, and units of its side push it.
     IsIdle,
-    /// Stands, and nothing pushes it.
+    /// Stands, and only units push it that do so, too.
     #[default]
     Holds,
 }
@@ -79,24 +79,25 @@ fn push_all<S: InstructionSet>(simd: S, world: &mut World) {
     }
     for &id in &alive_ids.all {
         let i = id as usize;
-        planned_vel[i] = Vec2::ZERO;
-        if postures[i] == Posture::Holds {
-            continue;
-        }
-        let (stats, member) = (&all_stats[i], after_step(id));
+        let (stats, unit) = (&all_stats[i], after_step(id));
         let (standing, walking) = (&standing[stats.plane as usize], &walking[stats.plane as usize]);
-        let pushed = if postures[i] == Posture::IsIdle {
-            let share =
-                |other: &Member| if other.side == member.side { 1.0 - SHARE_BESIDE_IDLE } else { 0.0 };
-            pushes(simd, standing, &member, |other| if other.side == member.side { 0.5 } else { 1.0 })
-                + pushes(simd, walking, &member, share)
-        } else {
-            let share = |other: &Member| if other.side == member.side { SHARE_BESIDE_IDLE } else { 1.0 };
-            let weight = member.body.weight;
-            pushes(simd, standing, &member, share)
-                + pushes(simd, walking, &member, |other| weight / (weight + other.body.weight))
+        let is_own = |other: &Member| other.side == unit.side;
+        let pushed = match postures[i] {
+            Posture::Walks => {
+                let weight = unit.body.weight;
+                pushes(simd, standing, &unit, |other| if is_own(other) { SHARE_BESIDE_IDLE } else { 1.0 })
+                    + pushes(simd, walking, &unit, |other| weight / (weight + other.body.weight))
+            }
+            Posture::IsIdle => {
+                let share = |other: &Member| if is_own(other) { 1.0 - SHARE_BESIDE_IDLE } else { 0.0 };
+                pushes(simd, standing, &unit, |other| if is_own(other) { 0.5 } else { 1.0 })
+                    + pushes(simd, walking, &unit, share)
+            }
+            Posture::Holds => {
+                pushes(simd, standing, &unit, |other| if other.side == NO_SIDE { 0.5 } else { 0.0 })
+            }
         };
-        let mut step = stats.shortened(member.at + pushed - pos[i]);
+        let mut step = stats.shortened(unit.at + pushed - pos[i]);
         if stats.sees_walls {
             step = off_walls(arena, pos[i], step, stats, &mut avoid.edge_search);
         }
@@ -113,7 +114,7 @@ impl StarcraftStats {
     }
 }
 
-/// How far the units of a crowd push one that walks or is idle: the sum by ascending ids.
+/// How far the units of a crowd push one: the sum by ascending ids.
 #[inline(always)]
 fn pushes<S: InstructionSet>(simd: S, crowd: &Crowd, unit: &Member, share: impl Fn(&Member) -> f32) -> Vec2 {
     let (at, radius) = (Vec2s::splat(simd, unit.at), F32s::splat(simd, unit.body.radius));
