@@ -155,9 +155,8 @@ pub(crate) struct StarcraftStats {
     pub plane: Plane,
     pub is_healer: bool,
     pub body: BodyStats,
-    /// How near the unit comes to walls, if they stop it.
+    /// How near the unit comes to walls, if it is on the ground.
     pub wall_distance: f32,
-    pub sees_walls: bool,
 }
 
 /// What decides how units push each other under rules `starcraft`.
@@ -185,13 +184,13 @@ impl StarcraftStats {
             body: BodyStats::new(unit_type),
             // No step leads through a wall.
             wall_distance: f64::max(body_radius(unit_type), unit_type.speed * TICK) as f32,
-            sees_walls: plane == Plane::Ground,
         }
     }
 
     /// How near a wall must be to matter in a tick; `None` if none stops the unit.
     pub fn wall_range(&self) -> Option<f64> {
-        self.sees_walls.then(|| f64::from(self.wall_distance + self.speed * TICK as f32))
+        let range = f64::from(self.wall_distance + self.speed * TICK as f32);
+        (self.plane == Plane::Ground).then_some(range)
     }
 }
 

@@ -106,7 +106,7 @@ pub(crate) struct TickScratch {
     /// Under rules `starcraft`, the units that stand in this tick and those that walk, by plane.
     standing: [starcraft::Crowd; 3],
     walking: [starcraft::Crowd; 3],
-    /// Under rules `starcraft`, those of them that are near one unit.
+    /// Under rules `starcraft`, those that stand near one unit.
     near: starcraft::Near,
     /// Under rules `starcraft`, whether a unit may have hits in flight; stale in the first tick of a step.
     may_have_hits: bool,

@@ -12,6 +12,7 @@
 //! speed allows, and none into a wall. docs/concepts/starcraft.md says what this rests on.
 
 use glam::Vec2;
+use smaclite_units::Plane;
 
 use super::super::{TickScratch, World};
 use super::crowd::{Crowd, Member};
@@ -55,53 +56,48 @@ struct Pushing<'a, 'w> {
 impl Kernel for Pushing<'_, '_> {
     #[inline(always)]
     fn run<S: InstructionSet>(self, simd: S) {
-        push_all(simd, self.world);
-    }
-}
-
-#[inline(always)]
-fn push_all<S: InstructionSet>(simd: S, world: &mut World) {
-    let World { arena, units, alive_ids, scratch, .. } = world;
-    let TickScratch { preferred, postures, standing, walking, avoid, .. } = &mut **scratch;
-    // Slices of one length: one check of an id serves all columns.
-    let n = units.pos.len();
-    let (pos, planned_vel) = (&units.pos[..n], &mut units.planned_vel[..n]);
-    let (preferred, postures) = (&preferred[..n], &postures[..n]);
-    let all_stats = &arena.starcraft_stats[..n];
-    let after_step = |id: u32| {
-        let (i, side) = (id as usize, side_of(arena, id));
-        Member { id, side, at: pos[i] + preferred[i] * TICK as f32, body: all_stats[i].body }
-    };
-    walking.iter_mut().for_each(Crowd::clear);
-    for &id in &alive_ids.all {
-        let i = id as usize;
-        walking[all_stats[i].plane as usize].add_if(postures[i] == Posture::Walks, &after_step(id));
-    }
-    for &id in &alive_ids.all {
-        let i = id as usize;
-        let (stats, unit) = (&all_stats[i], after_step(id));
-        let (standing, walking) = (&standing[stats.plane as usize], &walking[stats.plane as usize]);
-        let is_own = |other: &Member| other.side == unit.side;
-        let pushed = match postures[i] {
-            Posture::Walks => {
-                let weight = unit.body.weight;
-                pushes(simd, standing, &unit, |other| if is_own(other) { SHARE_BESIDE_IDLE } else { 1.0 })
-                    + pushes(simd, walking, &unit, |other| weight / (weight + other.body.weight))
-            }
-            Posture::IsIdle => {
-                let share = |other: &Member| if is_own(other) { 1.0 - SHARE_BESIDE_IDLE } else { 0.0 };
-                pushes(simd, standing, &unit, |other| if is_own(other) { 0.5 } else { 1.0 })
-                    + pushes(simd, walking, &unit, share)
-            }
-            Posture::Holds => {
-                pushes(simd, standing, &unit, |other| if other.side == NO_SIDE { 0.5 } else { 0.0 })
-            }
+        let World { arena, units, alive_ids, scratch, .. } = self.world;
+        let TickScratch { preferred, postures, standing, walking, avoid, .. } = &mut **scratch;
+        // Slices of one length: one check of an id serves all columns.
+        let n = units.pos.len();
+        let (pos, planned_vel) = (&units.pos[..n], &mut units.planned_vel[..n]);
+        let (preferred, postures) = (&preferred[..n], &postures[..n]);
+        let all_stats = &arena.starcraft_stats[..n];
+        let after_step = |id: u32| {
+            let (i, side) = (id as usize, side_of(arena, id));
+            Member { id, side, at: pos[i] + preferred[i] * TICK as f32, body: all_stats[i].body }
         };
-        let mut step = stats.shortened(unit.at + pushed - pos[i]);
-        if stats.sees_walls {
-            step = off_walls(arena, pos[i], step, stats, &mut avoid.edge_search);
+        walking.iter_mut().for_each(Crowd::clear);
+        for &id in &alive_ids.all {
+            let i = id as usize;
+            walking[all_stats[i].plane as usize].add_if(postures[i] == Posture::Walks, &after_step(id));
         }
-        planned_vel[i] = step * TICKS_PER_SECOND as f32;
+        for &id in &alive_ids.all {
+            let i = id as usize;
+            let (stats, unit) = (&all_stats[i], after_step(id));
+            let (standing, walking) = (&standing[stats.plane as usize], &walking[stats.plane as usize]);
+            let is_own = |other: &Member| other.side == unit.side;
+            let pushed = match postures[i] {
+                Posture::Walks => {
+                    let weight = unit.body.weight;
+                    pushes(simd, standing, &unit, |other| if is_own(other) { SHARE_BESIDE_IDLE } else { 1.0 })
+                        + pushes(simd, walking, &unit, |other| weight / (weight + other.body.weight))
+                }
+                Posture::IsIdle => {
+                    let share = |other: &Member| if is_own(other) { 1.0 - SHARE_BESIDE_IDLE } else { 0.0 };
+                    pushes(simd, standing, &unit, |other| if is_own(other) { 0.5 } else { 1.0 })
+                        + pushes(simd, walking, &unit, share)
+                }
+                Posture::Holds => {
+                    pushes(simd, standing, &unit, |other| if other.side == NO_SIDE { 0.5 } else { 0.0 })
+                }
+            };
+            let mut step = stats.shortened(unit.at + pushed - pos[i]);
+            if stats.plane == Plane::Ground {
+                step = off_walls(arena, pos[i], step, stats, &mut avoid.edge_search);
+            }
+            planned_vel[i] = step * TICKS_PER_SECOND as f32;
+        }
     }
 }
 

@@ -144,38 +144,33 @@ struct Turning<'a, 'w> {
 impl Kernel for Turning<'_, '_> {
     #[inline(always)]
     fn run<S: InstructionSet>(self, simd: S) {
-        turn_all(simd, self.world);
-    }
-}
-
-#[inline(always)]
-fn turn_all<S: InstructionSet>(simd: S, world: &mut World) {
-    let World { arena, units, alive_ids, scratch, .. } = world;
-    let TickScratch { preferred, standing, near, .. } = &mut **scratch;
-    if standing.iter().all(Crowd::is_empty) {
-        return;
-    }
-    let four = four();
-    // Slices of one length: one check of an id serves all columns.
-    let n = units.pos.len();
-    let (pos, vel, targets, preferred) =
-        (&units.pos[..n], &units.vel[..n], &units.target[..n], &mut preferred[..n]);
-    let all_stats = &arena.starcraft_stats[..n];
-    for &id in &alive_ids.all {
-        let i = id as usize;
-        let speed = preferred[i].length();
-        if speed == 0.0 {
-            continue;
+        let World { arena, units, alive_ids, scratch, .. } = self.world;
+        let TickScratch { preferred, standing, near, .. } = &mut **scratch;
+        if standing.iter().all(Crowd::is_empty) {
+            return;
         }
-        let straight = preferred[i] / speed;
-        let stats = &all_stats[i];
-        let radius = stats.body.radius;
-        let walker = Walker { at: pos[i], side: side_of(arena, id), radius, target: targets[i] };
-        let standing = &standing[stats.plane as usize];
-        if near.find(simd, standing, &walker, straight)
-            && let Some(free) = near.free_direction(four, standing, &walker, straight, vel[i])
-        {
-            preferred[i] = free * speed;
+        let four = four();
+        // Slices of one length: one check of an id serves all columns.
+        let n = units.pos.len();
+        let (pos, vel, targets, preferred) =
+            (&units.pos[..n], &units.vel[..n], &units.target[..n], &mut preferred[..n]);
+        let all_stats = &arena.starcraft_stats[..n];
+        for &id in &alive_ids.all {
+            let i = id as usize;
+            let speed = preferred[i].length();
+            if speed == 0.0 {
+                continue;
+            }
+            let straight = preferred[i] / speed;
+            let stats = &all_stats[i];
+            let radius = stats.body.radius;
+            let walker = Walker { at: pos[i], side: side_of(arena, id), radius, target: targets[i] };
+            let standing = &standing[stats.plane as usize];
+            if near.find(simd, standing, &walker, straight)
+                && let Some(free) = near.free_direction(four, standing, &walker, straight, vel[i])
+            {
+                preferred[i] = free * speed;
+            }
         }
     }
 }
