@@ -19,7 +19,7 @@ const PHASES: [(&str, &[&str]); 15] = [
     ("order", &["battle::Battle::set_execution_order"]),
     ("targets", &["tick::targets::drop_lost", "starcraft::choice::choose_targets"]),
     ("preferred", &["tick::preferred::decide", "starcraft::walk::prefer"]),
-    ("avoid", &["tick::avoid::plan_velocities"]),
+    ("avoid", &["tick::avoid::plan_velocities", "starcraft::detours::take", "starcraft::bodies::push_apart"]),
     ("move", &["starcraft::walk::move_all"]),
     (
         "hits",
