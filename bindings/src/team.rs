@@ -7,7 +7,7 @@ use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use smaclite_engine::{BattleSetup, EpisodeLimit, Opponents, Rules, TargetLayout, UnitLayout};
-use smaclite_learn::{RunDescription, TeamTensor, TrainedTeam, Weights, resolve_scenario};
+use smaclite_learn::{RunDescription, TeamTensor, TrainedTeam, Weights, resolve_scenario, with_an_end};
 use std::path::{Path, PathBuf};
 
 /// What Python needs of a run besides its configuration.
@@ -32,33 +32,40 @@ struct Layouts<'a> {
 /// `episode_limit`, `opponent`, `obs_shape` (n_agents and obs_size), `units` (for a network over units, where
 /// observations and actions have which unit; else None), and `tensors`, float32 arrays by name. `weights` are
 /// "best" or "last"; None for those that the program takes. `map` is the name or file of the scenario that it
-/// is to play instead of its own, for networks that fit every scenario.
+/// is to play instead of its own, for networks that fit every scenario. With `enemies` it is to play those.
 ///
 /// Raises:
-///     InvalidRequest: there is no such team, its files are damaged, or it does not play that map.
+///     InvalidRequest: there is no such team, its files are damaged, or it does not play that map or its
+///         enemies.
 #[pyfunction]
-#[pyo3(signature = (folder, weights=None, map=None))]
+#[pyo3(signature = (folder, weights=None, map=None, enemies=false))]
 pub fn read_team<'py>(
     py: Python<'py>,
     folder: PathBuf,
     weights: Option<&str>,
     map: Option<&str>,
+    enemies: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
     let weights = weights.map(str::parse::<Weights>).transpose().map_err(invalid_request)?;
     let map = map.map(str::to_owned);
-    let read = run_on_thread(py, move |_| match map {
-        None => TrainedTeam::open_with(&folder, weights).map_err(|error| shown(&error)),
-        Some(map) => open_on(&folder, weights, &map),
+    let read = run_on_thread(py, move |_| {
+        let team = match map {
+            None => TrainedTeam::open_with(&folder, weights).map_err(|error| shown(&error)),
+            Some(map) => open_on(&folder, weights, &map),
+        }?;
+        if !enemies {
+            return Ok(team);
+        }
+        TrainedTeam::open_enemies(&folder, weights, &team.run().setup).map_err(|error| shown(&error))
     })?;
     let team = read.map_err(invalid_request)?;
     let run = team.run();
-    let BattleSetup { rules, episode_limit, opponents, .. } = &run.setup;
-    let (rules, episode_limit) = (*rules, *episode_limit);
+    let BattleSetup { rules, episode_limit, opponents, .. } = with_an_end(run.setup.clone());
     let described = Description {
         scenario: &run.name,
         rules,
         episode_limit,
-        opponent: opponents,
+        opponent: &opponents,
         obs_shape: [run.sizes.n_agents, run.sizes.obs_size],
         units: team.layouts().map(|(obs, targets)| Layouts { obs, targets }),
     };

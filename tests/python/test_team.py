@@ -462,6 +462,24 @@ def test_environments_say_what_to_use_instead_of_a_copy() -> None:
                 make_copy(envs)
 
 
+def test_a_team_that_knows_units_plays_no_enemies_that_are_others() -> None:
+    """`make` refused it, and here it took zealots for stalkers."""
+    with pytest.raises(sp.errors.InvalidRequest, match="both sides have the same units and shields"):
+        sp.load_team("all-maps", map="3s_vs_3z", side="enemies")
+    assert sp.load_team("all-maps", map="2s3z", side="enemies").scenario == "2s3z"
+
+
+def test_a_run_whose_pool_had_no_episode_limit_plays_episodes_that_end(folder: Path, tmp_path: Path) -> None:
+    """Some commands played it, and others said that it must have a limit, which nothing could give it."""
+    run = shutil.copytree(folder, tmp_path / "run")
+    described = json.loads((run / "run.json").read_text())
+    (run / "run.json").write_text(json.dumps(described | {"episode_limit": None}))
+    assert sp.load_team(run).settings["episode_limit"] == 1000
+    dataset = tmp_path / "episodes.smdata"
+    done = program("dataset", "record", run, "--episodes", "3", "--out", dataset)
+    assert done.returncode == 0, done.stderr
+
+
 def test_a_team_plays_the_enemies(folder: Path) -> None:
     """How it does was found by guessing; and with the `opponent` of its settings a script played them."""
     team, rival = sp.load_team("3m"), sp.load_team("3m", side="enemies", seed=1)

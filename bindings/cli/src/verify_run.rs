@@ -63,7 +63,7 @@ impl VerifyRun {
         let verified = verify(folder, evaluations, threads, interrupted)?;
         let of_end = if verified.is_final { " and the final one" } else { "" };
         out!(
-            "{}: {} evaluations{of_end} played again, {} episodes: every number is equal",
+            "{}: {} evaluations{of_end} played again, {} episodes: every return, length and win is equal",
             folder.display(),
             verified.evaluations,
             verified.episodes

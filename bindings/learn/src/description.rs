@@ -3,7 +3,7 @@
 use crate::architecture::{Architecture, Inputs};
 use crate::checkpoint::read_actor;
 use crate::config::{Config, ConfigError, Enemies, NetworkKind, UnknownKeyword};
-use crate::lane_error::{LaneError, check_equal_sides};
+use crate::lane_error::{LaneError, UnequalUnits, check_equal_sides};
 use crate::lanes::{Lanes, sizes_with_history};
 use crate::team::{Network, OnScenario};
 use crate::tensors::{FileError, exists, read, write};
@@ -21,7 +21,7 @@ pub(crate) const WEIGHTS: &str = "weights.safetensors";
 pub(crate) const BEST: &str = "best.safetensors";
 
 /// The folder, in that of a run, of the team that plays the enemies.
-pub(crate) const OPPONENT: &str = "opponent";
+pub const OPPONENT: &str = "opponent";
 
 /// The file by which a folder is known to be that of a run of `smaclite-pool train`, and of another learner.
 pub const DESCRIPTIONS: [&str; 2] = ["run.json", "options.json"];
@@ -173,7 +173,10 @@ impl RunDescription {
 
     /// The run with which its team plays the enemies of these battles: on them, if its networks fit every
     /// scenario.
-    fn playing_enemies_of(self, folder: &Path, setup: &BattleSetup) -> Result<RunDescription, LaneError> {
+    pub(crate) fn playing_enemies_of<E>(self, folder: &Path, setup: &BattleSetup) -> Result<RunDescription, E>
+    where
+        E: From<UnequalUnits> + From<ConfigError> + From<Problems>,
+    {
         if self.config.network != NetworkKind::Universal {
             return Ok(self);
         }
@@ -204,6 +207,9 @@ pub enum OtherMap {
     /// The scenario is not valid.
     #[error(transparent)]
     Scenario(#[from] Problems),
+    /// It is to play enemies that are other units than the agents.
+    #[error(transparent)]
+    UnequalUnits(#[from] UnequalUnits),
     /// There is no such team, or its files are damaged.
     #[error(transparent)]
     File(#[from] FileError),
@@ -313,7 +319,7 @@ pub(crate) fn read_rival<E>(
 where
     E: From<FileError> + From<LaneError>,
 {
-    let run = RunDescription::read(folder)?.playing_enemies_of(folder, setup)?;
+    let run = RunDescription::read(folder)?.playing_enemies_of::<LaneError>(folder, setup)?;
     lanes.check_rival(folder, run.sizes)?;
     let (_, _, actor) = read_team_of(folder, run, weights)?;
     Ok(actor)

@@ -78,7 +78,7 @@ pub use config::{
     TEAM_ENTROPY, UnknownKeyword,
 };
 pub use description::{
-    DESCRIPTIONS, OtherMap, RunDescription, Weights, holds_run, read_team_files, refuse_undescribed,
+    DESCRIPTIONS, OPPONENT, OtherMap, RunDescription, Weights, holds_run, read_team_files, refuse_undescribed,
 };
 pub use evaluate::{
     EvaluateError, EvaluatedEpisode, Evaluation, EvaluationEvent, EvaluationResult, evaluate,

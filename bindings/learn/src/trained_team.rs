@@ -105,6 +105,22 @@ impl TrainedTeam {
         }
     }
 
+    /// The team as it plays the enemies of these battles: on them if its networks fit every scenario, else on
+    /// its own map, which [`check`](Self::check) compares.
+    ///
+    /// # Errors
+    /// If there is no such team, its files are damaged, or it knows its own units from those of the enemies,
+    /// and these are others.
+    pub fn open_enemies(
+        folder: &Path,
+        weights: Option<Weights>,
+        battles: &BattleSetup,
+    ) -> Result<TrainedTeam, OtherMap> {
+        let run = RunDescription::read(folder)?.playing_enemies_of::<OtherMap>(folder, battles)?;
+        let (run, _, network) = read_team_of(folder, run, weights)?;
+        Ok(TrainedTeam { run, network })
+    }
+
     /// The run that it is of.
     pub fn run(&self) -> &RunDescription {
         &self.run

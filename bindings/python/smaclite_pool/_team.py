@@ -88,7 +88,7 @@ class Team:
         """Of the generator that draws actions."""
         # Another one per side: two teams with one seed would have the same noise, and so play alike.
         self._random = np.random.default_rng(self.seed if side == "allies" else [self.seed, 1])
-        run = read_team(self.folder, weights, map)
+        run = read_team(self.folder, weights, map, enemies=side == "enemies")
         self.scenario: str = run["scenario"]
         """The name of the scenario that it plays: that of its training, or `map`."""
         self.config: dict[str, Any] = run["config"]

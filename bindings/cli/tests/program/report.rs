@@ -110,6 +110,38 @@ fn there_is_no_file_for_marl_eval_if_seeds_differ() {
     assert!(fs::read_to_string(folder.join("all/report.md")).expect("text").contains("no metrics.json"));
 }
 
+/// The options of self-play were taken for the battles of the evaluations, which are against the script; and
+/// the path of an opponent for the opponent.
+#[test]
+fn runs_are_compared_that_were_evaluated_in_the_same_battles() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let train = |options: &str| output(folder, &format!("train 3m {options} {SMALL}"));
+    train("--out script");
+    train("--opponent league --out league");
+    train("--opponent league --self-share 0.3 --out other");
+    output(folder, "report script league other --out all");
+
+    train("--out opponent");
+    train("--seed 1 --opponent opponent --out runs/one");
+    train("--seed 2 --opponent ./opponent --out runs/two");
+    let printed = output(folder, "report runs --out all");
+    assert!(!printed.contains("differ in more than their seeds"), "{printed}");
+    fs::remove_dir_all(folder.join("opponent")).expect("a run");
+    train("--seed 9 --out opponent");
+    train("--seed 3 --opponent opponent --out runs/three");
+    check_error(folder, "report runs --out all", 1, "play 3m, but not the same battles");
+
+    // Other learners say it themselves.
+    for (run, battles) in [("script", "one"), ("league", "one"), ("other", "two")] {
+        fs::remove_file(folder.join(run).join("run.json")).expect("a run");
+        let options = format!(r#"{{"scenario": "3m", "seed": 0, "battles": "{battles}"}}"#);
+        fs::write(folder.join(run).join("options.json"), options).expect("a file");
+    }
+    output(folder, "report script league --out all --skip-times");
+    check_error(folder, "report script other --out all --skip-times", 1, "not the same battles");
+}
+
 #[test]
 fn errors_say_what_is_accepted() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -112,6 +112,11 @@ fn a_team_is_exploited() {
     let taken = "`responses/seed-4` already holds a run, and `exploit` continues none; choose another folder";
     check_error(folder, &format!("{exploit} --out responses"), 1, taken); // it named --resume
     check_error(folder, "exploit nowhere", 1, "`nowhere` is not the folder of a run");
+    // The response was trained against the team, and then played against the script of that name.
+    std::fs::rename(folder.join("runs/3m"), folder.join("hold")).expect("a run");
+    let by_name = output(folder, "exploit hold --steps 1000 --seeds 2 --seed 4 --episodes 20");
+    let table = |printed: &str| printed.split_once("\n\n").expect("a table").1.replace("runs/3m", "./hold");
+    assert_eq!(table(&by_name), table(&printed));
     output(folder, "train 5m_vs_6m --steps 256 --num-envs 8 --horizon 16 --hidden 16,16 --out runs/5m");
     check_error(folder, "exploit runs/5m", 1, "5m");
 }

@@ -6,7 +6,7 @@ use super::{Card, Dataset, DatasetError, End, Episode, Policy, starts};
 use smaclite_engine::policy::Tactic;
 use smaclite_engine::{Arena, BattleSetup, Opponents, Scratch, Sides};
 use smaclite_learn::battles::{LOCKSTEP, Play, Player, Players};
-use smaclite_learn::{Choice, RunDescription, TrainedTeam, Weights, parallel, zoo_card};
+use smaclite_learn::{Choice, RunDescription, TrainedTeam, Weights, parallel, with_an_end, zoo_card};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -182,7 +182,7 @@ impl Source {
             Source::Run { folder, quality, opponents } => {
                 let run = RunDescription::read(folder)?;
                 let opponents = opponents.clone().unwrap_or_else(|| run.setup.opponents.clone());
-                let setup = BattleSetup { opponents, ..run.setup.clone() };
+                let setup = with_an_end(BattleSetup { opponents, ..run.setup.clone() });
                 let players = match quality {
                     None => {
                         let weights = Weights::of(folder, &run);

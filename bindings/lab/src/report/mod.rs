@@ -83,10 +83,15 @@ impl Benchmark {
     /// All runs of a task play the same battles, as far as their descriptions say what these are.
     fn check_battles(&self) -> Result<(), ReportError> {
         for task in self.tasks() {
-            let described: Vec<_> = self.runs_of(task).filter(|run| run.battles.is_some()).collect();
-            if let Some(pair) = described.windows(2).find(|pair| pair[0].battles != pair[1].battles) {
-                let [first, second] = [&pair[0], &pair[1]].map(|run| run.folder.clone());
-                return Err(ReportError::OtherBattles { task: task.to_owned(), first, second });
+            // Those of `train` say it in another way than those of other learners.
+            for by_program in [true, false] {
+                let of_kind = |run: &&EvaluatedRun| run.description.is_some() == by_program;
+                let described = self.runs_of(task).filter(of_kind).filter(|run| run.battles.is_some());
+                let described: Vec<_> = described.collect();
+                if let Some(pair) = described.windows(2).find(|pair| pair[0].battles != pair[1].battles) {
+                    let [first, second] = [&pair[0], &pair[1]].map(|run| run.folder.clone());
+                    return Err(ReportError::OtherBattles { task: task.to_owned(), first, second });
+                }
             }
         }
         Ok(())

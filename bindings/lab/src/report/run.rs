@@ -7,10 +7,11 @@
 
 use super::ReportError;
 use serde_json::Value;
+use smaclite_engine::fnv::Fnv1a;
 use smaclite_engine::{Rules, UnknownRules};
 use smaclite_learn::{
-    BothEpisodes, Choice, DESCRIPTIONS, Episode, EvaluationFiles, EvaluationRow, FileError, FinalResult,
-    RunDescription, Summary, read_file,
+    BothEpisodes, Choice, DESCRIPTIONS, Enemies, Episode, EvaluationFiles, EvaluationRow, FileError,
+    FinalResult, OPPONENT, RunDescription, Summary, Weights, read_file,
 };
 use std::path::{Path, PathBuf};
 
@@ -169,7 +170,11 @@ impl Described {
         ["config", "version"].into_iter().for_each(|name| without(&mut battles, name));
         without(&mut settings, "seed");
         without(&mut battles["files"], "source"); // where the file was, not what is in it
-        battles["enemies"] = settings["enemies"].clone();
+        if let Enemies::Team { .. } = &description.config.enemies {
+            // Not its folder, in which another one may be by now.
+            battles["enemies"] = opponent(&folder.join(OPPONENT))?;
+            settings["enemies"] = battles["enemies"].clone();
+        }
         let task = task_name(&description.name, description.setup.rules);
         let (seed, description, battles) = (description.config.seed, Some(description), Some(battles));
         Ok(Described { task, seed, description, battles, settings })
@@ -200,9 +205,21 @@ impl Described {
             }
         };
         let task = task_name(&name.to_string_lossy(), rules);
-        ["seed", "out"].into_iter().for_each(|name| without(&mut settings, name));
-        Ok(Described { task, seed, description: None, battles: None, settings })
+        let battles = settings.get("battles").cloned();
+        ["seed", "out", "battles"].into_iter().for_each(|name| without(&mut settings, name));
+        Ok(Described { task, seed, description: None, battles, settings })
     }
+}
+
+/// What tells one opponent from another: its description, and a hash of its weights.
+fn opponent(folder: &Path) -> Result<Value, FileError> {
+    let mut description = read_object(&folder.join(DESCRIPTIONS[0]))?;
+    without(&mut description, "version");
+    without(&mut description["files"], "source");
+    let mut hash = Fnv1a::default();
+    hash.write(&read_file(&folder.join(Weights::Last.file_name()))?);
+    description["weights"] = hash.finish().into();
+    Ok(description)
 }
 
 /// Runs by different rules are not compared with each other.

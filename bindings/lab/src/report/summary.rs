@@ -177,6 +177,7 @@ impl Maker {
         Profile { algorithm: algorithm.name.clone(), metric, points }
     }
 
+    /// Of the two directions of a pair one is estimated, and the other is what is left to 1.
     fn improvement(
         &self,
         better: &AlgorithmRuns,
@@ -184,6 +185,12 @@ impl Maker {
         tasks: &[&str],
         metric: Metric,
     ) -> Improvement {
+        if better.name > than.name {
+            let Improvement { better, than, probability, .. } = self.improvement(than, better, tasks, metric);
+            let Estimate { value, low, high } = probability;
+            let probability = Estimate { value: 1.0 - value, low: 1.0 - high, high: 1.0 - low };
+            return Improvement { better: than, than: better, metric, probability };
+        }
         let [x, y] = [better, than].map(|of| self.scorer.final_scores(of, tasks, metric));
         let of_scores = |samples: &[&Scores]| probability_of_improvement(samples[0], samples[1]);
         let probability = estimate(&[&x, &y], of_scores, REPETITIONS, self.seed);

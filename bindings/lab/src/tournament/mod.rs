@@ -13,7 +13,7 @@ use pairing::pairings;
 use serde::Serialize;
 use smaclite_engine::{BattleSetup, Faction, Opponent, Scratch, SidesError};
 use smaclite_learn::battles::{Ended, LOCKSTEP, Pairing, Play, Player};
-use smaclite_learn::{Choice, FileError, TrainedTeam, names_team, parallel, with_an_end};
+use smaclite_learn::{Choice, FileError, NetworkKind, TrainedTeam, names_team, parallel, with_an_end};
 use smaclite_scenarios::Problems;
 
 /// Who plays what.
@@ -151,8 +151,10 @@ pub enum TournamentError {
     OnlyMarches,
     #[error("no player is a trained team, so the scenario must be named")]
     NoScenario,
-    #[error("`{folder}` was trained in {given}, but {expected} is played; they differ in {differences}")]
-    OtherScenario { folder: String, given: String, expected: String, differences: String },
+    #[error(
+        "`{folder}` was trained in {given}, but {expected} is played; they differ in {differences}{hint}"
+    )]
+    OtherScenario { folder: String, given: String, expected: String, differences: String, hint: &'static str },
     #[error(
         "the sides of {name} differ ({n_agents} agents, {n_enemies} enemies), so a team that was trained \
          with its agents cannot play its enemies; here only scripts play against each other, and \
@@ -250,7 +252,11 @@ impl Tournament {
                 let differences = of_run.differences(&played);
                 let (folder, given) = (folder.clone(), run.name.clone());
                 let expected = scenario.name;
-                return Err(TournamentError::OtherScenario { folder, given, expected, differences });
+                let hint = match run.config.network {
+                    NetworkKind::Universal => "; `smaclite-pool adapt` writes it as a team of another map",
+                    NetworkKind::Flat | NetworkKind::Units => "",
+                };
+                return Err(TournamentError::OtherScenario { folder, given, expected, differences, hint });
             }
         }
         Ok(setup)

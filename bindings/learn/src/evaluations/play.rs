@@ -2,7 +2,7 @@
 
 use crate::battles::{Ended, Pairing, Play, Player};
 use crate::config::Enemies;
-use crate::description::{OPPONENT, RunDescription, Weights};
+use crate::description::{OPPONENT, OtherMap, RunDescription, Weights};
 use crate::parallel::{self, Interrupted};
 use crate::policy::Choice;
 use crate::random::{Purpose, seed};
@@ -69,7 +69,16 @@ impl Evaluator {
                 (run.setup.clone(), Player::March(Opponent::AttackMove))
             }
             Enemies::Team { .. } => {
-                let team = TrainedTeam::open_with(&folder.join(OPPONENT), Some(Weights::Last))?;
+                let (opponent, weights) = (folder.join(OPPONENT), Some(Weights::Last));
+                let team =
+                    TrainedTeam::open_enemies(&opponent, weights, &run.setup).map_err(
+                        |error| match error {
+                            OtherMap::File(error) => error,
+                            other => {
+                                FileError::Damaged { path: opponent.join("run.json"), why: other.to_string() }
+                            }
+                        },
+                    )?;
                 (run.lanes_setup(), Player::Team(Box::new(team)))
             }
         };

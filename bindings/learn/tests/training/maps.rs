@@ -107,6 +107,15 @@ fn a_team_plays_the_enemies_of_a_map_that_it_was_not_trained_on() {
         (played.win_rate, played.mean_return, played.mean_length)
     };
     assert_eq!(evaluate_against("team"), evaluate_against("adapted"));
+    // So do evaluations during the training: they took the team for that of its own map, and panicked.
+    let evaluations_against = |run: &str, opponent: &str| {
+        let enemies = Enemies::Team { folder: place.path(opponent) };
+        place.train(run, &Config { enemies, ..evaluated() }, 1);
+        let files = place.evaluations(run);
+        assert!(!files.is_empty());
+        files
+    };
+    assert!(evaluations_against("against_team", "team") == evaluations_against("against_adapted", "adapted"));
 
     let unequal = resolve_scenario("5m_vs_6m", Rules::default()).unwrap();
     let lanes = Lanes::start(&config.enemies.setup(&unequal), 10, 0, 1, &place.runtime_dir).unwrap();

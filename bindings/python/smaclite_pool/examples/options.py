@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import hashlib
+import json
 import re
-from dataclasses import field, fields
+from dataclasses import asdict, field, fields
+from pathlib import Path
 from typing import Any
+
+import smaclite_pool as sp
 
 Range = tuple[float, float]
 
@@ -64,6 +69,15 @@ def parsed(parser: argparse.ArgumentParser, options: Any) -> dict[str, Any]:
                 flag = _flag(each.name)
                 parser.error(f"{flag} must be numbers from 2 to 4096, with commas, as 64,64, got {value!r}")
     return given
+
+
+def write_options(folder: Path, options: Any, **more: Any) -> None:
+    """Makes the folder of a run, with the options and a hash of the scenario, by which `report` knows what was
+    played: two files can have the same name."""
+    scenario = json.dumps(sp.scenario(options.scenario), sort_keys=True)
+    battles = hashlib.sha256(scenario.encode()).hexdigest()
+    folder.mkdir(parents=True)
+    (folder / "options.json").write_text(json.dumps(asdict(options) | more | {"battles": battles}, indent=2))
 
 
 def _flag(name: str) -> str:

@@ -20,11 +20,11 @@ Axes of arrays: T steps of a rollout, N environments, A agents, V values per env
 from __future__ import annotations
 
 import csv
-import json
+import errno
 import time
 from collections import defaultdict, deque
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 from pathlib import Path
@@ -37,7 +37,7 @@ from numpy.typing import NDArray
 from safetensors.torch import save_file
 from smaclite_pool.examples import units_network
 from smaclite_pool.examples.evaluations import Clock, Evaluations
-from smaclite_pool.examples.options import SEED, SHARE, SMALL, STEPS, option, parsed, parser_of
+from smaclite_pool.examples.options import SEED, SHARE, SMALL, STEPS, option, parsed, parser_of, write_options
 from torch import Tensor, nn
 from torch.nn import functional as F
 
@@ -504,9 +504,8 @@ def train(options: Options, make_envs: Callable[[Options, int], Any] = make) -> 
     update = steps = n_episodes = 0
     with make_envs(options, options.num_envs) as envs:
         learner = Learner(envs, options)
-        folder = Path(options.out) / f"{Path(options.scenario).stem}-{options.algorithm}-{options.seed}"
-        folder.mkdir(parents=True)
-        (folder / "options.json").write_text(json.dumps(asdict(options), indent=2))
+        folder = folder_of(options)
+        write_options(folder, options, sides=envs.spec.sides)
         log = Log(folder)
         evaluations = evaluations_of(learner, folder, log.clock)
         batch = envs.reset(seed=1_000_000 * (options.seed + 1))  # the evaluation has other seeds
@@ -525,6 +524,12 @@ def train(options: Options, make_envs: Callable[[Options, int], Any] = make) -> 
     evaluations.finish(steps, update)
     save_file(learner.team.state_dict(), folder / "weights.safetensors")
     return learner
+
+
+def folder_of(options: Options) -> Path:
+    """That of the run with these options."""
+    name = f"{Path(options.scenario).stem}-{with_defaults(options).algorithm}-{options.seed}"
+    return Path(options.out) / name
 
 
 def evaluations_of(learner: Learner, folder: Path, clock: Clock) -> Evaluations:
@@ -551,18 +556,22 @@ def parse_options(description: str | None) -> tuple[Options, int]:
     parser.add_argument("--seeds", type=int, default=1, help=several)
     given = parsed(parser, Options)
     seeds = given.pop("seeds")
-    if seeds < 1:
-        parser.error(f"--seeds must be at least 1, got {seeds}")
+    most = int(SEED[1]) + 1 - given["seed"]
+    if not 1 <= seeds <= most:
+        parser.error(f"--seeds must be between 1 and {most:,} with --seed {given['seed']}, got {seeds}")
     return Options(**given), seeds
 
 
 def main(description: str | None = __doc__, make_envs: Callable[[Options, int], Any] = make) -> None:
     first, seeds = parse_options(description)
+    runs = [replace(first, seed=seed) for seed in range(first.seed, first.seed + seeds)]
     try:
-        for seed in range(first.seed, first.seed + seeds):
-            options = replace(first, seed=seed)
+        # Before the first begins, which may take hours.
+        for folder in filter(Path.exists, map(folder_of, runs)):
+            raise FileExistsError(errno.EEXIST, "exists", str(folder))
+        for options in runs:
             if seeds > 1:
-                print(f"seed {seed}", flush=True)
+                print(f"seed {options.seed}", flush=True)
             learner = train(options, make_envs)
             if options.evaluate_episodes > 0:
                 result = evaluate(learner, options)

@@ -24,11 +24,10 @@ from __future__ import annotations
 
 import copy
 import csv
-import json
 import time
 from collections import deque
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -40,7 +39,7 @@ from numpy.typing import NDArray
 from safetensors.torch import save_file
 from smaclite_pool.examples import units_network
 from smaclite_pool.examples.evaluations import Clock, Evaluations
-from smaclite_pool.examples.options import COUNT, SEED, SHARE, SMALL, STEPS, option, parsed, parser_of
+from smaclite_pool.examples.options import COUNT, SEED, SHARE, SMALL, STEPS, option, parsed, parser_of, write_options
 from torch import Tensor, nn
 from torch.nn import functional as F
 
@@ -365,8 +364,7 @@ def train(options: Options) -> Learner:
     with make(options, options.num_envs) as envs:
         learner = Learner(envs, options)
         folder = Path(options.out) / f"{Path(options.scenario).stem}-{options.algorithm}-{options.seed}"
-        folder.mkdir(parents=True)
-        (folder / "options.json").write_text(json.dumps(asdict(options), indent=2))
+        write_options(folder, options)
         log = Log(folder)
         player, evaluations = Player(envs, learner), evaluations_of(learner, folder, log.clock)
         envs.seed_sampler(options.seed)
