@@ -8,6 +8,7 @@ use crate::services::{FramePort, FrameSample};
 use crate::wire::FrameHeader;
 use smaclite_pool::fields::Field;
 use smaclite_pool::layout::{Element, Layout};
+use std::fmt;
 use std::ptr::NonNull;
 use std::sync::Arc;
 
@@ -61,6 +62,12 @@ pub struct Batch {
     bytes: NonNull<[u8]>,
     header: FrameHeader,
     layout: Arc<Layout>,
+}
+
+impl fmt::Debug for Batch {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Batch").field("header", &self.header).finish_non_exhaustive()
+    }
 }
 
 /// What keeps the memory mapped and unchanged; dropped in this order. Nothing but the drop uses it: to ask a

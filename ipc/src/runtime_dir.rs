@@ -23,7 +23,7 @@ pub struct RuntimeDir {
 #[derive(Debug, thiserror::Error)]
 #[allow(missing_docs)] // the messages say it
 pub enum RuntimeDirError {
-    #[error("{ROOT_VARIABLE} is empty; set it to a private folder or unset it")]
+    #[error("the path of the runtime folder is empty; set {ROOT_VARIABLE} to a private folder or unset it")]
     Empty,
     #[error(
         "{root}: expected a folder; {found}; set {ROOT_VARIABLE} to a private folder",

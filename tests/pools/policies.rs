@@ -124,7 +124,7 @@ fn the_actions_of_a_batch_are_those_of_its_battles() {
 }
 
 #[test]
-#[should_panic = "states and avail_actions must have a row per row of actions"]
+#[should_panic = "sizes of states, avail_actions and actions of 2 environments"]
 fn a_batch_with_too_few_states_is_refused() {
     let arena = Arena::new(&Scenario::standard("3m").expect("a standard scenario"), Rules::default());
     let sizes = arena.sizes();

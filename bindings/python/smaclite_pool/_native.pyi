@@ -503,5 +503,8 @@ def pack_snapshot(
 def check_settings(function: str, settings: dict[str, Any], own: list[str], refused: list[str]) -> None: ...
 def run_program(args: list[str]) -> int: ...
 def read_team(
-    folder: str | PathLike[str], weights: str | None = None, map: str | None = None
+    folder: str | PathLike[str],
+    weights: str | None = None,
+    map: str | None = None,
+    enemies: bool = False,
 ) -> dict[str, Any]: ...

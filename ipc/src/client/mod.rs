@@ -28,6 +28,7 @@ use smaclite_pool::layout::Layout;
 use smaclite_pool::transport::{RequestNumber, SessionId};
 use smaclite_pool::{LocalLearner, Polling, Rejection};
 use std::collections::VecDeque;
+use std::fmt;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -83,6 +84,12 @@ use std::time::Instant;
 /// - **A forked child** has a copy that cannot be used: every call is an error, and its drop does nothing.
 pub struct Client {
     lane: ProcessOwned<AttachedLane>,
+}
+
+impl fmt::Debug for Client {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Client").finish_non_exhaustive()
+    }
 }
 
 /// Dropped in this order: the ports before the control connection, so that the supervisor notices the end
@@ -182,7 +189,8 @@ impl Client {
     }
 
     /// As [`send`](Client::send), but the thread of a learner in the process of its pool stays at work:
-    /// [`recv`](Client::recv) or [`leave`](Client::leave) should follow at once.
+    /// [`recv`](Client::recv) or [`leave`](Client::leave) should follow at once. Until then its
+    /// [`Supervisor`](crate::Supervisor) does not end: dropped on the same thread, it waits for ever.
     pub fn begin_step(
         &mut self,
         actions: &[i32],

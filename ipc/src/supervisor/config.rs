@@ -1,14 +1,14 @@
 //! The configuration of a pool: its checks, and all preparations that need no file, process or shared memory.
 
-use super::error::{LaneConfigError, StartError};
+use super::error::{LaneConfigError, MAX_THREADS, StartError};
 use crate::capacity::Capacity;
 use crate::control::protocol::LaneDescription;
 use crate::name::check_name;
 use crate::os::memory::{PORTS, check_room};
 use crate::runtime_dir::RuntimeDir;
-use smaclite_engine::{Arena, BattleSetup, Sides};
+use smaclite_engine::{Arena, BattleSetup, EnemySide, Sides};
 use smaclite_pool::enemy_team::EnemyTeam;
-use smaclite_pool::{LaneSettings, LaneSpec, MakeHook, PoolOptions};
+use smaclite_pool::{LaneSettings, LaneSpec, MAX_LAST_ACTIONS, MakeHook, PoolOptions};
 use smaclite_scenarios::{Problems, ScenarioFiles};
 use std::sync::Arc;
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -89,6 +89,15 @@ impl LaneConfig {
         check_name(&self.name)?;
         self.settings.check()?;
         self.setup.opponents.check(self.setup.sides)?;
+        if let Some(team) = &self.team {
+            let is_mirrored = matches!(self.setup.sides, Sides::Both(EnemySide { mirror: true, .. }));
+            if !is_mirrored {
+                return Err(LaneConfigError::TeamSides);
+            }
+            if team.last_actions > MAX_LAST_ACTIONS {
+                return Err(LaneConfigError::TeamLastActions(team.last_actions));
+            }
+        }
         if !(2..=1024).contains(&self.max_held_batches) {
             return Err(LaneConfigError::MaxHeldBatches(self.max_held_batches));
         }
@@ -167,6 +176,9 @@ impl SupervisorConfig {
         let SupervisorConfig { name, lanes, options, runtime_dir } = self;
         check_name(&name)?;
         check_lanes(&lanes)?;
+        if options.threads > MAX_THREADS {
+            return Err(StartError::Threads(options.threads));
+        }
         let options = PoolOptions { threads: options.threads.max(1), ..options };
         let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_nanos());
         let instance = format!("{name}.{}.{since_epoch:x}", std::process::id());
@@ -205,4 +217,38 @@ fn check_lanes(lanes: &[LaneConfig]) -> Result<(), StartError> {
 
 fn in_lane(lane: &str, source: LaneConfigError) -> StartError {
     StartError::Lane { lane: lane.to_owned(), source }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn refused(lane: LaneConfig, threads: usize) -> String {
+        let options = PoolOptions { threads, ..PoolOptions::default() };
+        let runtime_dir = RuntimeDir::at(std::env::temp_dir().join("smaclite-config-tests")).unwrap();
+        let config = SupervisorConfig { name: "pool".to_owned(), lanes: vec![lane], options, runtime_dir };
+        config.prepare().err().unwrap().to_string()
+    }
+
+    /// A team without its side stood still, and one with too many last actions was refused at each attach.
+    #[test]
+    fn a_team_that_cannot_play_is_refused_before_the_pool_starts() {
+        let lane = |sides, last_actions| {
+            let setup = BattleSetup::new(ScenarioFiles::resolve("3m").unwrap().1).with_sides(sides);
+            let team = EnemyTeam { name: "team".to_owned(), last_actions, make: Arc::new(|| unreachable!()) };
+            LaneConfig { team: Some(team), ..LaneConfig::new("lane", setup, 2) }
+        };
+        let unmirrored = Sides::Both(EnemySide::default());
+        for sides in [Sides::default(), unmirrored] {
+            assert!(
+                refused(lane(sides, 1), 1).starts_with("lane `lane`: a team plays the enemies of mirrored")
+            );
+        }
+        assert!(refused(lane(Sides::MIRRORED, 17), 1).contains("17 of its own last actions"));
+        let lane = lane(Sides::MIRRORED, 16);
+        assert_eq!(
+            refused(lane, usize::MAX),
+            format!("threads must be between 1 and 1024, got {}", usize::MAX)
+        );
+    }
 }

@@ -6,8 +6,11 @@ use crate::name::NameError;
 use crate::os::memory::TooLittleMemory;
 use crate::runtime_dir::{RuntimeDir, RuntimeDirError};
 use crate::services::IpcError;
-use smaclite_pool::{LaneSettingsError, PoolStartError};
+use smaclite_pool::{LaneSettingsError, MAX_LAST_ACTIONS, PoolStartError};
 use smaclite_scenarios::Problems;
+
+/// Most threads of a pool.
+pub(super) const MAX_THREADS: usize = 1024;
 
 /// Why a supervisor did not start. Nothing of it is left.
 #[derive(Debug, thiserror::Error)]
@@ -17,6 +20,8 @@ pub enum StartError {
     Name(#[from] NameError),
     #[error("a pool named `{pool}` runs already{}; choose another name or stop it", of_process(*pid))]
     NameTaken { pool: String, pid: Option<u32> },
+    #[error("threads must be between 1 and {MAX_THREADS}, got {0}")]
+    Threads(usize),
     #[error("a pool needs at least one lane")]
     NoLanes,
     #[error("lane `{lane}`: {source}")]
@@ -49,6 +54,10 @@ pub enum LaneConfigError {
     Scenario(#[from] Problems),
     #[error(transparent)]
     Opponents(#[from] smaclite_engine::OpponentsError),
+    #[error("a team plays the enemies of mirrored sides, `Sides::MIRRORED`; set the setup's sides to that")]
+    TeamSides,
+    #[error("the team observes {0} of its own last actions; expected at most {MAX_LAST_ACTIONS}")]
+    TeamLastActions(usize),
     #[error("max_held_batches must be between 2 and 1024, got {0}")]
     MaxHeldBatches(usize),
     #[error("spectators must be between 0 and 64, got {0}")]

@@ -26,6 +26,7 @@ use control_thread::ControlThread;
 use error::at;
 use iceoryx2::prelude::Node;
 use smaclite_pool::{Pool, PoolHandle, PoolOptions, WaitStrategy};
+use std::fmt;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -40,6 +41,12 @@ pub struct Supervisor {
     threads: usize,
     runtime_dir: RuntimeDir,
     _name_lock: NameLock,
+}
+
+impl fmt::Debug for Supervisor {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Supervisor").field("name", &self.name).finish_non_exhaustive()
+    }
 }
 
 impl Supervisor {

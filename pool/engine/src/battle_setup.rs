@@ -70,15 +70,24 @@ impl BattleSetup {
     /// The scenario, and the arena in which the battles are played.
     ///
     /// # Errors
-    /// If the texts are no valid scenario, or its battles cannot have these sides.
+    /// If the texts are no valid scenario, its battles cannot have these sides, opponents are not those of the
+    /// sides, or the limit is 0 steps.
     pub fn arena(&self) -> Result<(Scenario, Arena), Problems> {
         let scenario = self.files.scenario()?;
         let report = Report::default();
-        let sides = self.sides.check(&scenario).map_err(|why| {
-            let (file, path, message) = (self.files.source.clone(), "smacv2".to_owned(), why.to_string());
+        let refuse = |path: &str, message: String| {
+            let (file, path) = (self.files.source.clone(), path.to_owned());
             report.add(|| Problem { file, line: None, column: None, path, message })
-        });
-        report.finish(sides)?;
+        };
+        let sides = self.sides.check(&scenario).map_err(|why| refuse("smacv2", why.to_string()));
+        let opponents = self.opponents.check(self.sides).map_err(|why| refuse("opponents", why.to_string()));
+        let limit = match self.episode_limit {
+            EpisodeLimit::Steps(0) => {
+                Err(refuse("episode_limit", "episode_limit must be at least 1, or none".to_owned()))
+            }
+            _ => Ok(()),
+        };
+        report.finish(sides.and(opponents).and(limit))?;
         let arena = Arena::new(&scenario, self.rules).with_sides(self.sides);
         let arena = arena.with_opponents(self.opponents.clone());
         let arena = match self.episode_limit {
@@ -136,6 +145,24 @@ impl From<Option<u32>> for EpisodeLimit {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Opponent;
+
+    /// Such battles began: enemies stood still, or no limit was reached, and their snapshots were refused.
+    #[test]
+    fn battles_that_nobody_can_play_are_refused() {
+        let setup = |map: &str| BattleSetup::new(ScenarioFiles::resolve(map).unwrap().1);
+        let learner = BattleSetup { opponents: Opponent::Learner.into(), ..setup("3m") };
+        let script = BattleSetup { sides: Sides::Both(EnemySide::default()), ..setup("3m") };
+        let no_steps = BattleSetup { episode_limit: EpisodeLimit::Steps(0), ..setup("3m") };
+        for (setup, expected) in [
+            (learner, "opponent `learner` needs sides `both`"),
+            (script, "attack_move"),
+            (no_steps, "episode_limit must be at least 1"),
+        ] {
+            let error = setup.arena().unwrap_err().to_string();
+            assert!(error.contains(expected), "{error}");
+        }
+    }
 
     /// Training runs have these texts in their folders.
     #[test]

@@ -91,6 +91,8 @@ pub use encode::{
     action_names, feature_bounds, obs_features, state_features,
 };
 pub use features::FeatureBlock;
+/// The vectors of the interface.
+pub use glam;
 pub use level::{LEVEL_COLUMNS, LevelError};
 pub use neighbour_order::{NeighbourOrder, PlaneOrder};
 pub use opponents::{Opponent, Opponents, OpponentsError};

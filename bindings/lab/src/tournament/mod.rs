@@ -137,6 +137,8 @@ impl Score {
 pub enum TournamentError {
     #[error("a tournament needs at least two players, got {0}")]
     TooFewPlayers(usize),
+    #[error("episodes must be at least 1, got 0")]
+    NoEpisodes,
     #[error("player `{0}` is named twice")]
     Twice(String),
     #[error(
@@ -223,6 +225,9 @@ impl Tournament {
         let Tournament { players, .. } = self;
         if players.len() < 2 {
             return Err(TournamentError::TooFewPlayers(players.len()));
+        }
+        if self.episodes == 0 {
+            return Err(TournamentError::NoEpisodes);
         }
         let twice = players.iter().enumerate().find(|(i, player)| players[..*i].contains(player));
         twice.map_or(Ok(()), |(_, player)| Err(TournamentError::Twice(player.clone())))

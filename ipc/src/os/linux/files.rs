@@ -122,7 +122,10 @@ mod tests {
     #[test]
     fn what_cannot_be_a_root_folder_says_why() {
         let refused = |root: &Path| RuntimeDir::at(root.to_owned()).unwrap_err().to_string();
-        assert!(refused(Path::new("")).starts_with("SMACLITE_POOL_ROOT is empty; set it to a"));
+        assert!(
+            refused(Path::new(""))
+                .starts_with("the path of the runtime folder is empty; set SMACLITE_POOL_ROOT to a")
+        );
         let folder = tempfile::tempdir().unwrap();
         let user = rustix::process::getuid().as_raw();
         let [file, link] = ["file", "link"].map(|name| folder.path().join(name));

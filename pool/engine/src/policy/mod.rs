@@ -137,15 +137,19 @@ impl Scripted {
         actions: &mut [i32],
     ) {
         let sizes = arena.sizes_of(side);
+        let n_envs = actions.len() / sizes.n_agents;
+        let (given, expected) = (
+            [states.len(), avail_actions.len(), actions.len()],
+            [sizes.state_size, sizes.n_agents * sizes.n_actions, sizes.n_agents].map(|size| n_envs * size),
+        );
+        assert_eq!(given, expected, "sizes of states, avail_actions and actions of {n_envs} environments");
         // The units of a generated scenario have the types that the state says.
         let mut own = arena.drawer().map(|_| arena.clone());
         let mut types = Vec::new();
         let mut states = states.chunks_exact(sizes.state_size);
         let mut avail_actions = avail_actions.chunks_exact(sizes.n_agents * sizes.n_actions);
         for actions in actions.chunks_exact_mut(sizes.n_agents) {
-            let (Some(state), Some(available)) = (states.next(), avail_actions.next()) else {
-                panic!("states and avail_actions must have a row per row of actions");
-            };
+            let (Some(state), Some(available)) = (states.next(), avail_actions.next()) else { return };
             if let Some(own) = &mut own {
                 types_in_state(arena, side, state, &mut types);
                 own.set_types(types.iter().copied());

@@ -125,7 +125,7 @@ impl Layout {
     }
 
     fn size(&self) -> (u64, u64) {
-        let (width, height) = (u64::from(self.cell.0), u64::from(self.cell.1 + self.caption));
+        let (width, height) = (u64::from(self.cell.0), u64::from(self.cell.1) + u64::from(self.caption));
         let gap = u64::from(self.gap);
         let sum = |n: usize, side: u64| (n as u64).saturating_mul(side + gap).saturating_add(gap);
         (sum(self.columns, width), sum(self.rows, height))

@@ -243,8 +243,6 @@ impl Document {
             let expected = "a script, since the actions are those of the agents alone (`sides`)";
             check.that(is_played, "opponent", expected, episode.opponent.name())?;
             episode.snapshot = snapshot;
-            let (steps, limit) = (episode.outcome.steps, self.episode_limit.unwrap_or(u32::MAX));
-            check.that(steps <= limit, "steps", &format!("at most {limit}, the `episode_limit`"), steps)?;
             replay.episodes.push(episode);
         }
         Ok(replay)

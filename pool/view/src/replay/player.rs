@@ -94,8 +94,17 @@ impl<'a> Player<'a> {
     ///
     /// # Errors
     /// [`ReplayError::IllegalAction`] or [`ReplayError::Diverged`] if this version plays the step otherwise
-    /// than it was recorded.
+    /// than it was recorded; again if it is called again.
     pub fn play_step(&mut self) -> Result<Option<PlayedStep>, ReplayError> {
+        if self.is_failed {
+            self.seek(self.step)?; // the battle has gone on
+        }
+        let played = self.try_play_step();
+        self.is_failed = played.is_err();
+        played
+    }
+
+    fn try_play_step(&mut self) -> Result<Option<PlayedStep>, ReplayError> {
         let actions: Vec<i32> = self.actions(self.step).iter().map(|&action| action.into()).collect();
         if actions.is_empty() {
             return Ok(None);
