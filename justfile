@@ -55,7 +55,8 @@ test-integration name *args:
 
 # Test that the learners in PyTorch learn, and what else needs PyTorch (installs it, a download of 3 GB)
 test-learners *args: install
-    {{ python }} -m pip install --quiet torch safetensors
+    @# Most of its files are never read, and compiling all takes a minute.
+    {{ python }} -m pip install --quiet --no-compile torch safetensors
     {{ python }} -m pytest tests/python/test_torch_learners.py tests/python/test_torch.py tests/python/test_epymarl.py \
         tests/python/test_dataset.py {{ in_processes }} {{ args }}
 
