@@ -22,7 +22,7 @@ EVALUATE_EVERY = 100_000
 
 FLAT = ("--network", "flat")
 
-SLOWEST = ("25m", "27m_vs_30m", "2c_vs_64zg", "bane_vs_bane", "so_many_baneling")
+SLOWEST = ("25m", "27m_vs_30m", "bane_vs_bane")
 """Maps of which a run takes longest."""
 
 

@@ -123,7 +123,9 @@ pub(super) struct Lines {
 
 impl Lines {
     pub(super) fn new() -> Lines {
-        Lines { terminal: std::io::stdout().is_terminal(), last_line: None, last: None }
+        // One without escape sequences, as in an editor, gets lines.
+        let is_dumb = std::env::var_os("TERM").is_some_and(|term| term == "dumb");
+        Lines { terminal: std::io::stdout().is_terminal() && !is_dumb, last_line: None, last: None }
     }
 
     /// Shows a line that may be replaced by the next one.

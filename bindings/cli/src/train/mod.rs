@@ -234,6 +234,8 @@ impl Train {
                 Err(error) => {
                     if let TrainError::Client(_) = error {
                         run.checkpoint()?; // the pool has ended, but not what was learnt
+                        let folder = folder.display();
+                        return Err(format!("{error}; resume with --resume {folder}").into());
                     }
                     return Err(error.into());
                 }

@@ -5,6 +5,7 @@ use crate::runtime_dir::{MAX_ROOT_LEN, RuntimeDir, RuntimeDirError};
 use rustix::fs::OFlags;
 use std::fs::{File, Metadata};
 use std::io::Error;
+use std::os::fd::AsRawFd;
 use std::os::unix::fs::{DirBuilderExt, FileTypeExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
@@ -89,9 +90,18 @@ pub(crate) fn lock_file(path: &Path) -> std::io::Result<File> {
     let found = file.metadata().map_err(named)?;
     let user = rustix::process::getuid().as_raw();
     if found.is_file() && found.uid() == user && found.mode() & 0o077 == 0 {
-        return Ok(file);
+        return beyond_standard(file).map_err(named);
     }
     Err(Error::other(format!("{}: expected a private file; {}", path.display(), owner_and_mode(&found))))
+}
+
+/// The file, under a descriptor that is none of the standard streams': in a process that was started without
+/// these, what prints would write into it.
+fn beyond_standard(file: File) -> std::io::Result<File> {
+    match file.as_raw_fd() {
+        0..3 => Ok(File::from(rustix::io::fcntl_dupfd_cloexec(&file, 3)?)),
+        _ => Ok(file),
+    }
 }
 
 /// Owner, mode and size of a file, for errors.

@@ -104,7 +104,7 @@ pub(crate) fn full(folder: impl Display, remedy: &str) -> Option<String> {
     let stat = statvfs(folder.to_string()).ok()?;
     let free = stat.f_bavail * stat.f_frsize;
     if stat.f_flag.contains(StatVfsMountFlags::RDONLY) {
-        Some(format!("{folder} is on a read-only file system: {remedy}"))
+        Some(format!("{folder} is on a read-only file system: mount it writable"))
     } else if stat.f_files > 0 && stat.f_favail == 0 {
         Some(format!("{folder} has no room for another file: {remedy}"))
     } else if free < FEW_BYTES {
