@@ -45,7 +45,7 @@ fn wrong_actions_are_named_and_nothing_is_stepped() {
         refused(&actions, Some(&[0, 1, 2, 4]), &["environment 4", "0 to 3"]);
         refused(&actions, Some(&[0, 1, 2, -1]), &["environment -1", "0 to 3"]);
         refused(&actions, Some(&[0, 1, 2, 1]), &["environment 1", "twice"]);
-        let nothing = client.recv(wait(&mut never)).err().expect("nothing was sent");
+        let nothing = client.recv(wait(&mut never)).expect_err("nothing was sent");
         assert!(matches!(nothing, ClientError::NothingToReceive { outstanding: 0, .. }), "{nothing}");
         client.send(&actions, None, WaitOptions::forever()).expect("legal actions");
         for _ in 0..4 / batch_size {
@@ -90,7 +90,7 @@ fn actions_for_a_busy_or_finished_environment_are_refused() {
         .expect_err("a busy environment")
         .to_string();
     assert_contains(&error, &["environment 0", "earlier request"]);
-    let outstanding = learner.recv(TIMEOUT).err().expect("one result is no batch").to_string();
+    let outstanding = learner.recv(TIMEOUT).expect_err("one result is no batch").to_string();
     assert_contains(&outstanding, &["of the 2 results", "1 are outstanding"]);
     learner.send_to(&[3]).expect("sent");
     learner.recv(TIMEOUT).expect("two results are a batch");
@@ -100,7 +100,7 @@ fn actions_for_a_busy_or_finished_environment_are_refused() {
     }
     assert!(learner.reference().is_over(0) && learner.reference().is_over(3));
     learner.client().send(&[1; 10], Some(&[1, 3]), WaitOptions::forever()).expect("sent");
-    let error = learner.recv(TIMEOUT).err().expect("a finished environment").to_string();
+    let error = learner.recv(TIMEOUT).expect_err("a finished environment").to_string();
     assert_contains(&error, &["environment 3", "finished", "reset"]);
     learner.send_reset(&[0, 3], Some(99)).expect("a reset of some");
     learner.recv(TIMEOUT).expect("a batch");

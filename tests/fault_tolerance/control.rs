@@ -44,7 +44,7 @@ fn a_stopped_supervisor_does_not_block_its_clients() {
     let supervisor = Child::supervisor(&dir, &plan);
     supervisor.signal(Signal::STOP);
     let time = Duration::from_millis(300);
-    let error = connect_within(&dir, Some(time), &mut || false).err().expect("it is stopped");
+    let error = connect_within(&dir, Some(time), &mut || false).expect_err("it is stopped");
     assert_contains(
         &error.to_string(),
         &["`train`", &supervisor.pid().to_string(), "did not answer within 0.3 s"],
@@ -59,7 +59,7 @@ fn a_stopped_supervisor_does_not_block_its_clients() {
         checks += 1;
         checks >= 3
     };
-    assert!(interrupted(connect_within(&dir, None, &mut third_check).err().expect("it is stopped")));
+    assert!(interrupted(connect_within(&dir, None, &mut third_check).expect_err("it is stopped")));
     let wait = WaitOptions { timeout: None, interrupted: &mut || true };
     assert!(interrupted(status_within(dir.runtime_dir(), "train", wait).expect_err("it is stopped")));
 
@@ -79,7 +79,7 @@ fn a_stopped_supervisor_does_not_block_its_clients() {
 #[test]
 fn a_client_waits_for_a_pool_that_starts_later() {
     let dir = TestDir::new();
-    let error = connect_within(&dir, Some(Duration::from_millis(100)), &mut || false).err().expect("no pool");
+    let error = connect_within(&dir, Some(Duration::from_millis(100)), &mut || false).expect_err("no pool");
     assert!(matches!(error, ConnectError::Control(ControlSocketError::NoSuchPool { .. })), "{error}");
     let plan = PoolPlan::new([LanePlan::new("2s3z", 2)]);
     std::thread::scope(|scope| {
@@ -153,8 +153,7 @@ fn a_learner_outside_of_the_pools_process_namespace_gets_an_error() {
     let supervisor = Child::launch(&dir, NEW_PROCESS_NAMESPACE, &plan.role());
     supervisor.answer(TIMEOUT * 2).expect("it serves");
     let error = Client::connect(dir.runtime_dir(), "train", None, WaitStrategy::default())
-        .err()
-        .expect("another namespace");
+        .expect_err("another namespace");
     assert_contains(&error.to_string(), &["process namespace", "`train`", "--pid=container"]);
     assert_eq!(dir.status().lanes[0].learner_pid, None);
 }
@@ -164,8 +163,7 @@ fn an_invalid_name_of_a_pool_is_its_own_error() {
     let dir = TestDir::new();
     for name in ["../../etc", "a\0b", "", "a\nb"] {
         let error = Client::connect(dir.runtime_dir(), name, None, WaitStrategy::default())
-            .err()
-            .expect("an invalid name");
+            .expect_err("an invalid name");
         assert!(matches!(error, ConnectError::Control(ControlSocketError::Name(_))), "{error}");
         assert_contains(&error.to_string(), &[&name.escape_debug().to_string(), "letters"]);
         assert!(!error.to_string().contains('\n'), "{error}");
@@ -194,8 +192,7 @@ fn a_pool_that_dies_while_a_learner_attaches_is_reported_as_gone() {
                 stream.get_mut().write_all(last_answer.as_bytes()).expect("a learner that reads");
             });
             let error = Client::connect(dir.runtime_dir(), "train", None, WaitStrategy::default())
-                .err()
-                .expect("it is gone");
+                .expect_err("it is gone");
             assert!(matches!(error, ConnectError::Control(ControlSocketError::Gone { .. })), "{error}");
             assert_contains(&error.to_string(), &["supervisor", "`train`", "gone"]);
         });

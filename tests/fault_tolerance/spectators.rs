@@ -79,7 +79,7 @@ fn a_spectator_keeps_the_newest_batch_when_an_error_report_comes() {
         learner.step(TIMEOUT).expect("a step");
         assert_eq!([newest(), newest()], [Some(sequence); 2]);
     }
-    let error = learner.step(TIMEOUT).err().expect("it panics");
+    let error = learner.step(TIMEOUT).expect_err("it panics");
     assert!(error.to_string().contains("environment 2 broke"), "{error}");
     assert_eq!([newest(), newest()], [Some(4); 2]);
 }

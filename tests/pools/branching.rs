@@ -185,7 +185,7 @@ fn what_cannot_be_restored_is_an_error_and_no_environment_changes() {
         let sent = learner.client().send_restore(records, None, None, WaitOptions::forever());
         let error = match sent {
             Err(error) => error.to_string(),
-            Ok(()) => learner.recv(TIMEOUT).err().expect("a refusal").to_string(),
+            Ok(()) => learner.recv(TIMEOUT).expect_err("a refusal").to_string(),
         };
         assert!(error.contains(expected), "{error:?} does not contain {expected:?}");
     };

@@ -108,7 +108,7 @@ fn a_panic_on_the_learners_thread_fails_its_lane() {
             [0, 1].map(|lane| local_learner(&pool, &lanes[lane], WaitStrategy::Adaptive));
         failed.reset(None, TIMEOUT).expect("a reset");
         (0..3).for_each(|_| drop(failed.step(TIMEOUT).expect("a step")));
-        let error = failed.step(TIMEOUT).err().expect("it panicked").to_string();
+        let error = failed.step(TIMEOUT).expect_err("it panicked").to_string();
         assert!(error.contains("environment 2 broke in step 4"), "{error}");
         run(&mut other, 20).expect("the other lane goes on");
     }
@@ -156,11 +156,11 @@ fn a_wait_of_a_learner_that_calls_ends_by_its_timeout_or_an_interruption() {
         client.send(&actions, None, WaitOptions::forever()).expect("sent");
         std::thread::sleep(Duration::from_millis(50)); // the worker has the slow environment now
         let timeout = Some(Duration::from_millis(50));
-        let error = client.recv(WaitOptions { timeout, interrupted: &mut never }).err().expect("it sleeps");
+        let error = client.recv(WaitOptions { timeout, interrupted: &mut never }).expect_err("it sleeps");
         assert!(error.to_string().contains("0.05 s"), "{error}");
         let mut interrupted = || true;
         let error = client.recv(WaitOptions { timeout: None, interrupted: &mut interrupted });
-        assert!(error.err().expect("interrupted").to_string().contains("interrupted"));
+        assert!(error.expect_err("interrupted").to_string().contains("interrupted"));
         client.recv(WaitOptions::forever()).expect("the result still comes");
     }
 }

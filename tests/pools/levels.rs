@@ -174,9 +174,9 @@ fn a_lane_begins_with_levels_or_refuses_all_of_them() {
     drop(one);
     let mut bad = levels.clone();
     bad[size + 4] = 2.0;
-    let error = client.reset_to(&bad, None, None, wait()).err().expect("a refusal").to_string();
+    let error = client.reset_to(&bad, None, None, wait()).expect_err("a refusal").to_string();
     assert_eq!(error, "environment 1 cannot begin with this level: alive of agent 0 must be 0 or 1, got 2");
-    let error = client.reset_to(&bad[1..], None, None, wait()).err().expect("a refusal").to_string();
+    let error = client.reset_to(&bad[1..], None, None, wait()).expect_err("a refusal").to_string();
     assert!(error.starts_with("got 89 numbers; 3 environments take 3 levels of 30 numbers"), "{error}");
     let after = client.reset(None, Some(&[1]), wait()).expect("the lane goes on");
     assert_eq!(after.field::<f32>(Field::Level).expect("levels")[1], 12.0, "nothing had changed");
@@ -206,7 +206,7 @@ fn after_a_refused_request_the_lane_and_its_learner_agree() {
             |client: &mut Client, env: i32| client.send(&[1; 3], Some(&[env]), wait()).expect("it is idle");
         // Before the first reset a refused one leaves a lane that was not reset.
         let refuse = |client: &mut Client, bad: &[f32]| {
-            let error = client.reset_to(bad, None, None, wait()).err().expect("a refusal").to_string();
+            let error = client.reset_to(bad, None, None, wait()).expect_err("a refusal").to_string();
             assert!(error.starts_with("environment 0 cannot begin with this level"), "{error}");
         };
         let mut bad = vec![2.0; 4 * client.layout().level_len()];
@@ -221,7 +221,7 @@ fn after_a_refused_request_the_lane_and_its_learner_agree() {
         // A result that does not fill a batch, and a batch that comes before the refusal.
         step(&mut client, 0);
         refuse(&mut client, &bad);
-        let error = client.recv(wait()).err().expect("nothing is outstanding").to_string();
+        let error = client.recv(wait()).expect_err("nothing is outstanding").to_string();
         assert!(error.contains(", 0 are outstanding"), "{error}");
         (0..3).for_each(|env| step(&mut client, env));
         refuse(&mut client, &bad);

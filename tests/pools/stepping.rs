@@ -203,7 +203,7 @@ fn a_wait_ends_by_its_timeout_or_an_interruption() {
         client.send(&actions, None, WaitOptions::forever()).expect("sent");
         let timeout = Some(Duration::from_millis(50));
         let error =
-            client.recv(WaitOptions { timeout, interrupted: &mut never }).err().expect("the step sleeps");
+            client.recv(WaitOptions { timeout, interrupted: &mut never }).expect_err("the step sleeps");
         assert!(error.to_string().contains("0.05 s"), "{error}");
         let mut checks = 0;
         let mut interrupted = || {
@@ -211,7 +211,7 @@ fn a_wait_ends_by_its_timeout_or_an_interruption() {
             true
         };
         let error = client.recv(WaitOptions { timeout: None, interrupted: &mut interrupted });
-        assert!(error.err().expect("interrupted").to_string().contains("interrupted"));
+        assert!(error.expect_err("interrupted").to_string().contains("interrupted"));
         assert_eq!(checks, 1);
         let wait = WaitOptions { timeout: Some(TIMEOUT), interrupted: &mut never };
         client.recv(wait).expect("the result still comes");

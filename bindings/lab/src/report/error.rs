@@ -38,7 +38,8 @@ pub enum ReportError {
     OtherSteps { algorithm: String, task: String, first: PathBuf, second: PathBuf, steps: String },
     #[error(
         "`{}` and `{}` play {task}, but not the same battles: their run.json, or options.json, differ in the \
-         scenario, the episode limit or the opponents; report them separately", first.display(), second.display()
+         scenario, the episode limit or the opponents; report them separately",
+        first.display(), second.display()
     )]
     OtherBattles { task: String, first: PathBuf, second: PathBuf },
     #[error(

@@ -72,8 +72,8 @@ def parsed(parser: argparse.ArgumentParser, options: Any) -> dict[str, Any]:
 
 
 def write_options(folder: Path, options: Any, **more: Any) -> None:
-    """Makes the folder of a run, with the options and a hash of the scenario, by which `report` knows what was
-    played: two files can have the same name."""
+    """Makes the folder of a run, with the options and a hash of the scenario, by which `report` knows what
+    was played: two files can have the same name."""
     scenario = json.dumps(sp.scenario(options.scenario), sort_keys=True)
     battles = hashlib.sha256(scenario.encode()).hexdigest()
     folder.mkdir(parents=True)

@@ -39,7 +39,17 @@ from numpy.typing import NDArray
 from safetensors.torch import save_file
 from smaclite_pool.examples import units_network
 from smaclite_pool.examples.evaluations import Clock, Evaluations
-from smaclite_pool.examples.options import COUNT, SEED, SHARE, SMALL, STEPS, option, parsed, parser_of, write_options
+from smaclite_pool.examples.options import (
+    COUNT,
+    SEED,
+    SHARE,
+    SMALL,
+    STEPS,
+    option,
+    parsed,
+    parser_of,
+    write_options,
+)
 from torch import Tensor, nn
 from torch.nn import functional as F
 
