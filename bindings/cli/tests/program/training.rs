@@ -215,8 +215,8 @@ fn a_killed_run_has_the_evaluations_of_the_uninterrupted_one() {
         assert!(read("killed", name) == read("whole", name), "{name}");
     }
     let verified = output(folder, "verify-run killed whole --evaluations all");
-    let expected = "killed: 41 evaluations and the final one played again, 3264 episodes: every return, length \
-                    and win is equal\n";
+    let expected = "killed: 41 evaluations and the final one played again, 3264 episodes: \
+                    every return, length and win is equal\n";
     assert!(verified.starts_with(expected) && verified.lines().count() == 2, "{verified}");
 
     let text = fs::read_to_string(&rows).expect("rows");
