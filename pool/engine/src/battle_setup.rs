@@ -70,8 +70,8 @@ impl BattleSetup {
     /// The scenario, and the arena in which the battles are played.
     ///
     /// # Errors
-    /// If the texts are no valid scenario, its battles cannot have these sides, the opponents are not those of
-    /// the sides, or the limit is 0 steps.
+    /// If the texts are no valid scenario, its battles cannot have these sides, the opponents are not
+    /// those of the sides, or the limit is 0 steps.
     pub fn arena(&self) -> Result<(Scenario, Arena), Problems> {
         let scenario = self.files.scenario()?;
         let report = Report::default();
