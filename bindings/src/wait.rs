@@ -13,14 +13,18 @@ use std::time::{Duration, Instant};
 /// How often signal handlers run while [`run_on_thread`] waits.
 const CHECK_INTERVAL: Duration = Duration::from_millis(50);
 
+/// How long cancelled work may take to end before [`run_on_thread`] returns: until then a pool may still
+/// grant what it was asked for, and the next call would find it taken.
+const CANCEL_TIME: Duration = Duration::from_millis(100);
+
 /// Returns `true` once the result of the work is no longer needed.
 pub type IsCancelled<'a> = &'a mut dyn FnMut() -> bool;
 
 /// Runs `work` on a new thread and waits for its result.
 ///
 /// For work that cannot be interrupted: reading files, creating and opening shared memory. An exception from
-/// a signal handler ends the wait at once. The work can query whether it was cancelled; a result that it
-/// still returns is dropped.
+/// a signal handler ends the wait nearly at once. The work can query whether it was cancelled; a result that
+/// it still returns is dropped.
 pub fn run_on_thread<T: Send + 'static>(
     py: Python<'_>,
     work: impl FnOnce(IsCancelled<'_>) -> T + Send + 'static,
@@ -40,6 +44,7 @@ pub fn run_on_thread<T: Send + 'static>(
             Err(RecvTimeoutError::Timeout) => {
                 if let Err(error) = check_interrupts(py) {
                     cancelled.store(true, Ordering::Relaxed);
+                    let _ = py.detach(move || receiver.recv_timeout(CANCEL_TIME));
                     exit::join_at_exit(thread);
                     return Err(error);
                 }

@@ -49,6 +49,21 @@ def test_a_late_answer_to_a_recorder_is_not_taken_for_the_next_one(serve: Serve)
         assert [recorder.n_complete, recorder.n_complete] == [after, after]
 
 
+def test_an_interrupted_connect_does_not_take_the_lane(serve: Serve) -> None:
+    """The pool granted it when it went on, and the next call said that this process had the lane."""
+    server = serve("3m:1", "--name", "train")
+    previous = signal.signal(signal.SIGALRM, raise_alarm)
+    for _ in range(5):
+        stop(server)
+        signal.setitimer(signal.ITIMER_REAL, 0.2)
+        with pytest.raises(AlarmError):
+            sp.connect("train", timeout=30)
+        server.send_signal(signal.SIGCONT)
+        with sp.connect("train", timeout=5) as envs:
+            envs.reset()
+    signal.signal(signal.SIGALRM, previous)
+
+
 @pytest.mark.parametrize("call", ["Recorder", "Spectator"])
 def test_an_interrupted_call_does_not_delay_the_exit(serve: Serve, call: str) -> None:
     """The exit waited 5 s for the thread of the interrupted call, and gave up before that ended."""

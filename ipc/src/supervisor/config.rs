@@ -225,7 +225,8 @@ mod tests {
 
     fn refused(lane: LaneConfig, threads: usize) -> String {
         let options = PoolOptions { threads, ..PoolOptions::default() };
-        let runtime_dir = RuntimeDir::at(std::env::temp_dir().join("smaclite-config-tests")).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let runtime_dir = RuntimeDir::at(folder.path().to_owned()).unwrap();
         let config = SupervisorConfig { name: "pool".to_owned(), lanes: vec![lane], options, runtime_dir };
         config.prepare().err().unwrap().to_string()
     }

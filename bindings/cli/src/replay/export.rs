@@ -98,7 +98,10 @@ fn write_folder(folder: &Path, frames: impl ExactSizeIterator<Item = Picture>) -
     let digits = frames.len().to_string().len();
     for (i, frame) in frames.enumerate() {
         let file = partial.path().join(format!("{i:0digits$}.png"));
-        write_file(&file, |output| frame.write_png(output))?;
+        write_file(&file, |output| frame.write_png(output)).map_err(|error| {
+            let named = |path: &Path| path.display().to_string();
+            error.to_string().replace(&named(partial.path()), &named(folder))
+        })?;
     }
     std::fs::rename(partial.path(), folder).map_err(failed)?;
     let _ = partial.keep(); // it has another name now
