@@ -146,10 +146,10 @@ impl Scripted {
         // The units of a generated scenario have the types that the state says.
         let mut own = arena.drawer().map(|_| arena.clone());
         let mut types = Vec::new();
-        let mut states = states.chunks_exact(sizes.state_size);
-        let mut avail_actions = avail_actions.chunks_exact(sizes.n_agents * sizes.n_actions);
-        for actions in actions.chunks_exact_mut(sizes.n_agents) {
-            let (Some(state), Some(available)) = (states.next(), avail_actions.next()) else { return };
+        let states = states.chunks_exact(sizes.state_size);
+        let avail_actions = avail_actions.chunks_exact(sizes.n_agents * sizes.n_actions);
+        let actions = actions.chunks_exact_mut(sizes.n_agents);
+        for ((state, available), actions) in states.zip(avail_actions).zip(actions) {
             if let Some(own) = &mut own {
                 types_in_state(arena, side, state, &mut types);
                 own.set_types(types.iter().copied());
