@@ -5,6 +5,7 @@ use crate::lane_spec::attributes;
 use pyo3::exceptions::{PyAttributeError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyType};
+use smaclite_scenarios::Scenario;
 use smaclite_units::file::did_you_mean;
 
 /// Where a name is looked for.
@@ -137,8 +138,8 @@ const TABLE: &[Row] = &[
         "use card[\"episodes\"] and card[\"steps\"]"),
 ];
 
-/// The keywords of `make`.
-pub const KEYWORDS: [&str; 25] = [
+/// The arguments of `make`. Its further keywords are keys of scenario files.
+const ARGUMENTS: [&str; 21] = [
     "scenario",
     "num_envs",
     "batch_size",
@@ -151,10 +152,6 @@ pub const KEYWORDS: [&str; 25] = [
     "sides",
     "mirror",
     "zero_sum",
-    "teams",
-    "start_positions",
-    "rewards",
-    "smacv2",
     "fields",
     "obs_last_actions",
     "obs_agent_id",
@@ -165,6 +162,12 @@ pub const KEYWORDS: [&str; 25] = [
     "record",
     "lanes",
 ];
+
+/// The keywords of `make`: its arguments, and the keys of scenario files.
+fn keywords<'a>() -> impl Iterator<Item = &'a str> {
+    let keys = Scenario::keys().iter().map(|key| key.name());
+    ARGUMENTS.into_iter().chain(keys.filter(|key| !ARGUMENTS.contains(key) && !key.starts_with('$')))
+}
 
 /// What this name of another package is called in this place.
 pub fn translation(place: Place, name: &str) -> Option<&'static str> {
@@ -255,7 +258,7 @@ pub fn check_settings(
     own: Vec<String>,
     refused: Vec<String>,
 ) -> PyResult<()> {
-    let of_make = KEYWORDS.into_iter().filter(|name| !own.iter().chain(&refused).any(|other| other == name));
+    let of_make = keywords().filter(|name| !own.iter().chain(&refused).any(|other| other == name));
     let valid: Vec<&str> = own.iter().map(String::as_str).chain(of_make).collect();
     let unknown = settings.copy()?;
     for name in valid.iter().copied().chain(refused.iter().map(String::as_str)) {
@@ -281,7 +284,7 @@ mod tests {
 
     #[test]
     fn no_keyword_of_make_is_translated() {
-        for keyword in KEYWORDS {
+        for keyword in keywords() {
             assert_eq!(translation(Place::Make, keyword), None, "{keyword}");
         }
     }

@@ -7,18 +7,17 @@ use crate::convert::{IntArg, parse_option, string_list, timeout_seconds, to_dura
 use crate::envs::{Embedded, Envs};
 use crate::errors::{self, invalid_request, shown};
 use crate::exit::PendingCall;
-use crate::habits::{KEYWORDS, Place, refuse_keywords, required};
+use crate::habits::{Place, refuse_keywords, required};
 use crate::query::runtime_dir;
 use crate::recorder::{RecordingToFile, check_replay_path};
 use crate::seeds::random_seed;
 use crate::wait::{IsCancelled, run_on_thread};
 pub use arguments::{LimitArg, MAX_THREADS, ModeArg, OpponentArg};
-use arguments::{json_of, lane_count, thread_count, to_episode_limit};
+use arguments::{changed_keys, lane_count, thread_count, to_episode_limit};
 use pyo3::IntoPyObjectExt;
 use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use serde_json::Value;
 use smaclite_engine::{BattleSetup, EnemySide, Rules, Sides};
 use smaclite_ipc::{
     Client, ConnectError, LaneConfig, RuntimeDir, Supervisor, SupervisorConfig, WaitOptions, WaitStrategy,
@@ -62,13 +61,6 @@ use std::sync::atomic::{AtomicU64, Ordering};
 ///     mirror: with both sides, reflect what the enemies see and do at the centre of the map, so that one
 ///         network can play both sides of a symmetric scenario.
 ///     zero_sum: with both sides, the reward of each side is what it earns less what the other side earns.
-///     teams, start_positions: dictionaries as in a scenario file: distributions from which the teams and
-///         start positions of each episode are drawn, instead of the scenario's own. See
-///         `docs/concepts/generated-battles.md`.
-///     rewards: SMAC's reward options, `reward_sparse`, `reward_only_positive`, `reward_death_value`,
-///         `reward_win`, `reward_defeat`, `reward_negative_scale`, `reward_scale` and `reward_scale_rate`, as
-///         in a scenario file; they are added to the scenario's own. See `docs/reference/observations.md`.
-///     smacv2: options of SMACv2's interface, as in a scenario file; they are added to the scenario's own.
 ///     fields: names of the batch fields to compute; None for all. `env_id`, `reward`, `terminated`,
 ///         `truncated` and `was_reset` are always included.
 ///     obs_last_actions: number of its own last actions that an agent observes, 0 to 16: one-hot vectors of
@@ -87,9 +79,15 @@ use std::sync::atomic::{AtomicU64, Ordering};
 ///         The environments are divided among them, to within one; the lane that begins with environment f
 ///         has the seed `seed` + f. With two, the policy can choose actions for one half while the workers
 ///         step the other. The pool ends when all of them are closed. None: return one `Envs`.
+///     **battle: keys of scenario files with other values, such as `attack_point=[9, 16]`: lists, dicts,
+///         strings and numbers as in a file; None leaves the scenario's own. Options of `rewards` (SMAC's,
+///         see `docs/reference/observations.md`) and `smacv2` are added to the scenario's own; of `groups`
+///         and `teams` (see `docs/concepts/generated-battles.md`), and of `terrain` and `terrain_preset`, one
+///         replaces the other. All keys are in `docs/reference/scenario-files.md`, but `name`, `opponent` and
+///         `episode_limit` are the arguments above.
 ///
 /// Raises:
-///     ScenarioError: the scenario is unknown, or a scenario or unit file is invalid.
+///     ScenarioError: the scenario is unknown, or a scenario or unit file, or a changed key, is invalid.
 ///     InvalidRequest: another argument is invalid.
 ///     TypeError: an argument has the wrong type.
 ///     TooLittleMemory: there is too little memory; on Linux in /dev/shm.
@@ -99,15 +97,13 @@ use std::sync::atomic::{AtomicU64, Ordering};
 #[pyfunction]
 #[pyo3(signature = (scenario=None, num_envs=IntArg::Small(64), *, batch_size=None, seed=None,
     threads=None, autoreset_mode=ModeArg::default(), episode_limit=Some(LimitArg::Name("default".to_owned())),
-    rules="smaclite", opponent=None, sides="allies", mirror=false, zero_sum=false, teams=None,
-    start_positions=None, rewards=None, smacv2=None, fields=None,
+    rules="smaclite", opponent=None, sides="allies", mirror=false, zero_sum=false, fields=None,
     obs_last_actions=IntArg::Small(0), obs_agent_id=false, max_held_batches=IntArg::Small(4),
-    spectators=IntArg::Small(1), wait="adaptive", name=None, record=None, lanes=None, **unknown))]
+    spectators=IntArg::Small(1), wait="adaptive", name=None, record=None, lanes=None, **battle))]
 #[pyo3(text_signature = "(scenario, num_envs=64, *, batch_size=None, seed=None, threads=None, \
     autoreset_mode='NextStep', episode_limit='default', rules='smaclite', opponent=None, sides='allies', \
-    mirror=False, zero_sum=False, teams=None, start_positions=None, rewards=None, smacv2=None, fields=None, \
-    obs_last_actions=0, obs_agent_id=False, max_held_batches=4, \
-    spectators=1, wait='adaptive', name=None, record=None, lanes=None)")]
+    mirror=False, zero_sum=False, fields=None, obs_last_actions=0, obs_agent_id=False, max_held_batches=4, \
+    spectators=1, wait='adaptive', name=None, record=None, lanes=None, **battle)")]
 #[allow(clippy::too_many_arguments)] // keyword arguments in Python
 pub fn make(
     py: Python<'_>,
@@ -123,10 +119,6 @@ pub fn make(
     sides: &str,
     mirror: bool,
     zero_sum: bool,
-    teams: Option<Bound<'_, PyAny>>,
-    start_positions: Option<Bound<'_, PyAny>>,
-    rewards: Option<Bound<'_, PyAny>>,
-    smacv2: Option<Bound<'_, PyAny>>,
     fields: Option<Bound<'_, PyAny>>,
     obs_last_actions: IntArg,
     obs_agent_id: bool,
@@ -136,9 +128,9 @@ pub fn make(
     name: Option<String>,
     record: Option<PathBuf>,
     lanes: Option<IntArg>,
-    unknown: Option<Bound<'_, PyDict>>,
+    battle: Option<Bound<'_, PyDict>>,
 ) -> PyResult<Py<PyAny>> {
-    refuse_keywords(Place::Make, "make", unknown.as_ref(), &KEYWORDS)?;
+    let keys = battle.as_ref().map_or_else(|| Ok(Vec::new()), changed_keys)?;
     let scenario = required("make", "scenario", scenario)?;
     let wait = parse_option::<WaitStrategy>(wait)?;
     let options = PoolOptions { threads: thread_count(threads)?, wait };
@@ -153,11 +145,6 @@ pub fn make(
     let episode_limit = to_episode_limit(episode_limit)?;
     let sides = Sides::new(sides, EnemySide { mirror, zero_sum }).map_err(invalid_request)?;
     let opponents = opponent.map(|opponent| opponent.opponents(sides)).transpose()?;
-    let keys =
-        [("teams", teams), ("start_positions", start_positions), ("rewards", rewards), ("smacv2", smacv2)];
-    let keys = keys.into_iter().filter_map(|(key, value)| Some((key, value?)));
-    let keys = keys.map(|(key, value)| Ok((key.to_owned(), json_of(key, &value)?)));
-    let keys = keys.collect::<PyResult<Vec<(String, Value)>>>()?;
     let fields = match fields {
         Some(names) => {
             FieldSet::from_names(string_list("fields", r#"["obs"]"#, &names)?).map_err(invalid_request)?

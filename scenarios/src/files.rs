@@ -1,7 +1,7 @@
 //! A scenario as the texts of its files, which need no file system to be read again.
 
 use crate::Scenario;
-use crate::keys::{GROUPS, REWARDS, SMACV2, TEAMS};
+use crate::keys::{GROUPS, REWARDS, SMACV2, TEAMS, TERRAIN, TERRAIN_PRESET};
 use crate::unit_files::{Origin, UnitFile};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -16,6 +16,16 @@ pub(crate) const STANDARD_FOLDER: &str = "scenarios/data/";
 
 /// The end of the source of files with changed keys.
 const CHANGED: &str = " with changed keys";
+
+/// The key that a file must not have beside this one.
+fn instead_of(key: &str) -> Option<&'static str> {
+    let pairs = [(TEAMS.name, GROUPS.name), (TERRAIN.name, TERRAIN_PRESET.name)];
+    pairs.into_iter().find_map(|(one, other)| match key {
+        key if key == one => Some(other),
+        key if key == other => Some(one),
+        _ => None,
+    })
+}
 
 /// The text of a scenario file and of every unit file that it names.
 ///
@@ -52,8 +62,8 @@ impl ScenarioFiles {
     }
 
     /// The files with other top-level keys of the scenario file: `null` removes a key, the options of
-    /// `smacv2` and `rewards` are added to those of the file, `teams` replaces `groups`, and any other value
-    /// replaces the file's. The text is written anew, and what cannot be changed because it is no JSON object
+    /// `smacv2` and `rewards` are added to those of the file, and any other value replaces the file's; of
+    /// `groups` and `teams`, and of `terrain` and `terrain_preset`, one replaces the other. The text is written anew, and what cannot be changed because it is no JSON object
     /// stays as it is.
     ///
     /// ```
@@ -71,8 +81,8 @@ impl ScenarioFiles {
         let read = serde_json::from_str::<BTreeMap<String, Box<RawValue>>>(&self.text);
         let Some(mut file) = read.ok().filter(|_| keys.peek().is_some()) else { return self.clone() };
         for (key, value) in keys {
-            if key == TEAMS.name && value.is_object() {
-                file.remove(GROUPS.name);
+            if let Some(instead) = instead_of(&key).filter(|_| !value.is_null()) {
+                file.remove(instead);
             }
             let has_options = [SMACV2.name, REWARDS.name].contains(&&*key);
             let of_file = file.remove(&key).filter(|_| has_options);

@@ -561,6 +561,29 @@ fn changed_keys_leave_everything_else_as_it_is() {
     }
 }
 
+/// Only `teams` replaced `groups`: a map could be given only beside `terrain_preset=null`.
+#[test]
+fn a_changed_key_replaces_the_one_that_excludes_it() {
+    let rows = vec!["_".repeat(32); 32];
+    let groups = serde_json::json!([
+        { "x": 9, "y": 9, "faction": "ALLY", "units": { "MARINE": 3 } },
+        { "x": 20, "y": 9, "faction": "ENEMY", "units": { "MARINE": 3 } },
+    ]);
+    let teams = serde_json::json!({ "distribution": "all_teams", "unit_types": ["MARINE"] });
+    let starts = serde_json::json!({ "distribution": "surrounded" });
+    let (_, files) = ScenarioFiles::resolve("3m").unwrap();
+    let drawn = [("teams".to_owned(), teams), ("start_positions".to_owned(), starts)];
+    let drawn = files.with_keys(drawn);
+    assert!(drawn.scenario().unwrap().generation.is_some());
+    let removed = serde_json::Value::Null;
+    let again = drawn.with_keys([("groups".to_owned(), groups), ("start_positions".to_owned(), removed)]);
+    assert!(again.scenario().unwrap().generation.is_none());
+    let map = files.with_keys([("terrain".to_owned(), serde_json::json!(rows))]);
+    assert!(!map.text.contains("terrain_preset"));
+    let preset = map.with_keys([("terrain_preset".to_owned(), "SIMPLE".into())]);
+    assert_eq!(preset.scenario().unwrap(), files.scenario().unwrap());
+}
+
 #[test]
 fn reward_options_are_read_and_added_to_those_of_the_file() {
     let (_, files) = ScenarioFiles::resolve("3m").unwrap();

@@ -7,7 +7,9 @@ a tensor became InvalidRequest, which a learner catches and goes on.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -289,8 +291,56 @@ def test_integers_are_named_when_they_are_none() -> None:
 def test_keys_of_scenario_files_are_named_when_they_are_no_dict(key: str) -> None:
     wrong: list[Any] = [[], "all_teams", 1]
     for value in wrong:
-        with pytest.raises(TypeError, match=f"^{key} must be a dict as in a scenario file, got "):
+        with pytest.raises(sp.errors.ScenarioError, match=f"`{key}` is .*, but must be an object"):
             sp.make("3m", **{key: value})
+
+
+GROUPS = [
+    {"x": 12, "y": 16, "faction": "ALLY", "units": {"MARINE": 2, "ZEALOT": 1}},
+    {"x": 18, "y": 14, "faction": "ENEMY", "units": {"MARINE": 3}},
+]
+WALL = ["_" * 24, *["_" * 15 + "X" + "_" * 8] * 10, *["_" * 24] * 13]
+
+
+@pytest.mark.parametrize(
+    "battle",
+    [
+        {"attack_point": (30, 30)},
+        {"groups": GROUPS, "teams": None},
+        {"groups": GROUPS, "terrain": WALL, "width": 24, "height": 24, "attack_point": [12, 16]},
+        {"rewards": {"reward_win": 50}},
+    ],
+    ids=["attack point", "groups", "map", "rewards"],
+)
+def test_keys_given_to_make_are_those_of_a_file(battle: dict[str, Any], tmp_path: Path) -> None:
+    file = {
+        "name": "3m", "num_allied_units": 3, "num_enemy_units": 3, "terrain_preset": "SIMPLE",
+        "attack_point": [9, 16], "num_unit_types": 0, "ally_has_shields": True, "enemy_has_shields": False,
+        "groups": [GROUPS[0] | {"units": {"MARINE": 3}}, GROUPS[1]], "rewards": {"reward_defeat": -7},
+    }  # fmt: skip
+    changed = file | {key: value for key, value in battle.items() if value is not None}
+    changed["rewards"] = file["rewards"] | battle.get("rewards", {})
+    if "terrain" in battle:
+        del changed["terrain_preset"]
+    paths = [tmp_path / "file.json", tmp_path / "changed.json"]
+    for path, scenario in zip(paths, [file, changed], strict=True):
+        path.write_text(json.dumps(scenario))
+    with (
+        sp.make(paths[0], 2, threads=1, rules="starcraft", **battle) as made,
+        sp.make(paths[1], 2, threads=1, rules="starcraft") as expected,
+        sp.make(paths[0], 2, threads=1, rules="starcraft") as plain,
+    ):
+        pools = [made, expected, plain]
+        batches = [envs.reset(seed=3) for envs in pools]
+        assert made.spec.rewards == expected.spec.rewards
+        same_as_plain = made.spec.rewards == plain.spec.rewards
+        for _ in range(30):
+            states = [batch.state.copy() for batch in batches]
+            assert np.array_equal(states[0], states[1])
+            same_as_plain &= np.array_equal(states[0], states[2])
+            batches = [envs.step(all_stop(batch)) for envs, batch in zip(pools, batches, strict=True)]
+            assert np.array_equal(batches[0].reward, batches[1].reward)
+        assert not same_as_plain
 
 
 def test_a_boolean_env_id_says_how_to_get_ids(envs: sp.Envs) -> None:

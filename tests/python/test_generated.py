@@ -118,11 +118,11 @@ def test_what_is_wrong_with_a_distribution_or_an_option_is_said(options: Any, ex
 def test_the_interface_is_that_of_agents() -> None:
     with pytest.raises(sp.errors.InvalidRequest, match="sides must be `allies`"):
         sp.make("terran_5_vs_5", 1, sides="both")
-    with pytest.raises(sp.errors.InvalidRequest, match="smacv2 must be a dictionary as in JSON"):
+    with pytest.raises(sp.errors.InvalidRequest, match=r"smacv2 must be as in a scenario file \(JSON\)"):
         sp.make("terran_5_vs_5", 1, smacv2={"attack": object()})
     with pytest.raises(
         sp.errors.InvalidRequest,
-        match="rewards must be a dictionary as in JSON: `reward_win`: .*Out of range",
+        match=r"rewards must be as in a scenario file \(JSON\): `reward_win`: .*Out of range",
     ):
         sp.make("terran_5_vs_5", 1, rewards={"reward_win": float("nan")})
 

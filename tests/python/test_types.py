@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import inspect
 import subprocess
 import sys
@@ -53,11 +54,22 @@ def test_the_defaults_in_the_signature_of_make_are_its_defaults() -> None:
     """Its text is written by hand, because PyO3 shows only literals; stubtest compares the stub with it."""
     parameters = inspect.signature(sp.make).parameters.values()
     defaults = {p.name: p.default for p in parameters if p.default is not p.empty}
-    assert len(defaults) == 24 and defaults["num_envs"] == 64
+    assert len(defaults) == 20 and defaults["num_envs"] == 64
     with sp.make("2s3z") as implicit, sp.make("2s3z", **defaults) as explicit:
         names = {name for name in dir(implicit.spec) if not name.startswith("_")} - {"pool", "seed"}
         for name in sorted(names):
             assert getattr(implicit.spec, name) == getattr(explicit.spec, name), name
+
+
+def test_the_stub_declares_every_key_that_make_takes() -> None:
+    """`make(**battle)` takes keys of scenario files; editors and type checkers have their names from here."""
+    stub = ast.parse((Path(sp.__file__).parent / "_native.pyi").read_text())
+    (battle,) = (node for node in stub.body if isinstance(node, ast.ClassDef) and node.name == "_Battle")
+    declared = {ast.unparse(node.target) for node in battle.body if isinstance(node, ast.AnnAssign)}
+    with pytest.raises(TypeError, match="expected one of") as unknown:
+        sp.make("3m", colour=2)  # type: ignore[call-overload]
+    accepted = set(str(unknown.value).split("expected one of ")[1].split(", "))
+    assert declared == accepted - inspect.signature(sp.make).parameters.keys()
 
 
 def test_the_stub_declares_every_field_with_its_type() -> None:

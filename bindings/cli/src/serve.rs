@@ -62,7 +62,7 @@ pub(super) struct Serve {
     #[arg(long, value_name = "NAME|FOLDER|WEIGHTS", add = completions::player())]
     opponent: Option<LaneOpponents>,
     /// A key of the scenario files with another value, as JSON: `--set 'smacv2={"prob_obs_enemy": 0.5}'`;
-    /// null removes a key, and options of smacv2 are added to those of the file. For all lanes
+    /// null removes a key, and options of smacv2 and rewards are added to those of the file. For all lanes
     #[arg(long, value_name = "KEY=JSON", value_parser = key_and_value)]
     set: Vec<(String, Value)>,
     /// Which sides actions play: allies, or both

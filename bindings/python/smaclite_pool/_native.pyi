@@ -5,10 +5,11 @@ from collections.abc import Mapping, Sequence
 from enum import Enum
 from os import PathLike
 from types import TracebackType
-from typing import Any, Final, Literal, NoReturn, TypeVar, final, overload
+from typing import Any, Final, Literal, NoReturn, TypedDict, TypeVar, final, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from typing_extensions import Unpack
 
 from ._spec import LaneSpec
 from ._wrapper import Wrapper
@@ -83,6 +84,29 @@ _Policy = Literal["random", "nearest", "focus_fire", "kite", "hold", "line", "fl
 _Rules = Literal["smaclite", "paper", "starcraft", "starcraft-1"]
 _Sides = Literal["allies", "both"]
 _Default = TypeVar("_Default")
+
+class _Battle(TypedDict, total=False):
+    """Keys of scenario files."""
+
+    custom_unit_path: str | None
+    num_allied_units: int | None
+    num_enemy_units: int | None
+    groups: Sequence[Mapping[str, Any]] | None
+    teams: Mapping[str, Any] | None
+    start_positions: Mapping[str, Any] | None
+    attack_point: Sequence[float] | None
+    march_to: Literal["AGENTS"] | Sequence[Sequence[float]] | None
+    terrain_preset: str | None
+    terrain: Sequence[str | Sequence[str]] | None
+    width: int | None
+    height: int | None
+    terrain_height: Sequence[Sequence[int]] | None
+    num_unit_types: int | None
+    unit_type_ids: Mapping[str, int] | None
+    ally_has_shields: bool | None
+    enemy_has_shields: bool | None
+    smacv2: Mapping[str, Any] | None
+    rewards: Mapping[str, Any] | None
 
 @final
 class Frame:
@@ -437,10 +461,6 @@ def make(
     sides: _Sides = "allies",
     mirror: bool = False,
     zero_sum: bool = False,
-    teams: dict[str, Any] | None = None,
-    start_positions: dict[str, Any] | None = None,
-    rewards: dict[str, Any] | None = None,
-    smacv2: dict[str, Any] | None = None,
     fields: list[str] | None = None,
     obs_last_actions: int = 0,
     obs_agent_id: bool = False,
@@ -450,6 +470,7 @@ def make(
     name: str | None = None,
     record: str | PathLike[str] | None = None,
     lanes: None = None,
+    **battle: Unpack[_Battle],
 ) -> Envs: ...
 @overload
 def make(
@@ -466,10 +487,6 @@ def make(
     sides: _Sides = "allies",
     mirror: bool = False,
     zero_sum: bool = False,
-    teams: dict[str, Any] | None = None,
-    start_positions: dict[str, Any] | None = None,
-    rewards: dict[str, Any] | None = None,
-    smacv2: dict[str, Any] | None = None,
     fields: list[str] | None = None,
     obs_last_actions: int = 0,
     obs_agent_id: bool = False,
@@ -479,6 +496,7 @@ def make(
     name: str | None = None,
     record: str | PathLike[str] | None = None,
     lanes: int,
+    **battle: Unpack[_Battle],
 ) -> list[Envs]: ...
 def connect(
     pool: str,

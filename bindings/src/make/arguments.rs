@@ -2,6 +2,7 @@
 
 use crate::convert::{IntArg, to_unsigned, translated, type_name};
 use crate::errors::invalid_request;
+use crate::habits::check_settings;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyDict, PyMapping, PyString};
@@ -16,17 +17,25 @@ pub const MAX_THREADS: usize = 1024;
 /// More lanes than this would only make batches smaller.
 const MAX_LANES: usize = 64;
 
-/// A dictionary as the value of a key of scenario files.
-pub(super) fn json_of(key: &str, value: &Bound<'_, PyAny>) -> PyResult<Value> {
+/// The further keywords of `make`: keys of scenario files and their values. None leaves the file's, as it is
+/// the default of functions that hand such a keyword on.
+pub(super) fn changed_keys(battle: &Bound<'_, PyDict>) -> PyResult<Vec<(String, Value)>> {
+    check_settings("make", battle, Vec::new(), Vec::new())?;
+    let changed = |(key, value): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
+        let key: String = key.extract()?;
+        let value = json_of(&key, &value)?;
+        Ok((key, value))
+    };
+    battle.iter().filter(|(_, value)| !value.is_none()).map(changed).collect()
+}
+
+/// A value of a key of scenario files.
+fn json_of(key: &str, value: &Bound<'_, PyAny>) -> PyResult<Value> {
     let py = value.py();
-    if !value.is_instance_of::<PyDict>() {
-        let got = type_name(value);
-        return Err(PyTypeError::new_err(format!("{key} must be a dict as in a scenario file, got {got}")));
-    }
-    let refused = |e: String| invalid_request(format!("{key} must be a dictionary as in JSON: {e}"));
     let only_numbers = [("allow_nan", false)].into_py_dict(py)?;
     let dumps = py.import("json")?.getattr("dumps")?;
     let text_of = |value: &Bound<'_, PyAny>| dumps.call((value,), Some(&only_numbers))?.extract::<String>();
+    let refused = |e: String| invalid_request(format!("{key} must be as in a scenario file (JSON): {e}"));
     let text = text_of(value).map_err(|error| {
         let is_wrong = |(_, item): &(Bound<'_, PyAny>, Bound<'_, PyAny>)| text_of(item).is_err();
         let wrong = value.cast::<PyDict>().ok().and_then(|items| items.iter().find(is_wrong));

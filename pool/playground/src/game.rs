@@ -143,7 +143,7 @@ impl Game {
     /// The source of the scenario with the map of these rows, as files have them; reading tells what is
     /// wrong.
     pub fn with_terrain(&self, rows: &[String]) -> String {
-        self.with_keys([("terrain", json!(rows)), ("terrain_preset", Value::Null)])
+        self.with_keys([("terrain", json!(rows))])
     }
 
     /// What is probably a mistake in a scenario that somebody has changed or written.
