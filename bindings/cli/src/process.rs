@@ -1,46 +1,76 @@
 //! Processes: signals that end this one, a second one, and how much memory one uses.
 
 use crate::os;
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::process::{Child, ChildStderr, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, LazyLock};
+use std::thread::JoinHandle;
 
 /// In the environment of a second process: the id of the first, with which it ends.
 const FIRST_PROCESS: &str = "SMACLITE_POOL_FIRST_PROCESS";
 
 /// A second process, which is terminated (SIGTERM) and waited for when this is dropped. On Linux it also ends
 /// when this process is killed, or its pool would never end.
-pub struct SecondProcess(Child);
+pub struct SecondProcess {
+    child: Child,
+    /// Hands on what it says on standard error, and returns the last line.
+    errors: Option<JoinHandle<String>>,
+}
 
 impl SecondProcess {
-    /// Starts it without standard input and output.
+    /// Starts it without standard input and output. What it says on standard error is said by this process.
     ///
     /// # Errors
     /// If the program cannot be started.
     pub fn start(mut command: Command) -> std::io::Result<SecondProcess> {
         command.env(FIRST_PROCESS, std::process::id().to_string());
-        command.stdin(Stdio::null()).stdout(Stdio::null()).spawn().map(SecondProcess)
+        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
+        let mut child = command.spawn()?;
+        let errors = child.stderr.take().map(|errors| std::thread::spawn(|| hand_on(errors)));
+        Ok(SecondProcess { child, errors })
     }
 
-    /// How it ended; `None` while it runs.
+    /// How it ended, and the last line that it said on standard error, once; `None` while it runs.
     ///
     /// # Errors
     /// If the system cannot say.
-    pub fn exit_status(&mut self) -> std::io::Result<Option<ExitStatus>> {
-        self.0.try_wait()
+    pub fn end(&mut self) -> std::io::Result<Option<(ExitStatus, String)>> {
+        let status = self.child.try_wait()?;
+        Ok(status.map(|status| {
+            let last_line = self.errors.take().and_then(|errors| errors.join().ok());
+            (status, last_line.unwrap_or_default())
+        }))
     }
 
     /// Its process id.
     pub fn pid(&self) -> u32 {
-        self.0.id()
+        self.child.id()
+    }
+}
+
+/// Lines are cut at this length.
+const LONGEST_LINE: u64 = 1 << 16;
+
+fn hand_on(errors: ChildStderr) -> String {
+    let (mut errors, mut last) = (BufReader::new(errors), Vec::new());
+    loop {
+        let mut line = Vec::new();
+        match errors.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut line) {
+            Ok(0) | Err(_) => return String::from_utf8_lossy(last.trim_ascii()).into_owned(),
+            Ok(_) => {
+                let _ = std::io::stderr().write_all(&line); // it may be closed
+                last = line;
+            }
+        }
     }
 }
 
 impl Drop for SecondProcess {
     fn drop(&mut self) {
-        if let Ok(None) = self.exit_status() {
-            os::end(&mut self.0);
-            let _ = self.0.wait();
+        if let Ok(None) = self.child.try_wait() {
+            os::end(&mut self.child);
+            let _ = self.child.wait();
         }
     }
 }

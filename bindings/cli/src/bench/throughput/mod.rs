@@ -171,8 +171,12 @@ pub enum MeasureError {
     Start(#[from] StartError),
     #[error("the second process cannot be started: {0}")]
     SecondProcess(#[source] std::io::Error),
-    #[error("the second process ended before its pool was ready: {0}")]
-    SecondProcessEnded(ExitStatus),
+    #[error("the second process ended before its pool was ready ({status}): {said}")]
+    SecondProcessEnded {
+        status: ExitStatus,
+        /// The last line that it said on standard error.
+        said: String,
+    },
     #[error(transparent)]
     Connect(#[from] ConnectError),
     #[error(transparent)]

@@ -64,8 +64,8 @@ impl Server {
 }
 
 fn check_running(process: &mut SecondProcess) -> Result<(), MeasureError> {
-    match process.exit_status().map_err(MeasureError::SecondProcess)? {
-        Some(status) => Err(MeasureError::SecondProcessEnded(status)),
+    match process.end().map_err(MeasureError::SecondProcess)? {
+        Some((status, said)) => Err(MeasureError::SecondProcessEnded { status, said }),
         None => Ok(()),
     }
 }
