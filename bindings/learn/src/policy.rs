@@ -90,8 +90,11 @@ pub(crate) fn choose(
 ) -> (usize, f32) {
     let total = exponentials(outputs, mask, powers);
     let action = match choice {
-        // The largest exponential is exp(0) = 1.
-        Choice::Greedy => powers.iter().position(|power| *power == 1.0).unwrap_or(0),
+        // The largest one is 0 now. Its exponential is 1, but so are those of others that are hardly smaller.
+        Choice::Greedy => {
+            let is_largest = |(output, available): (&f32, &u8)| *output == 0.0 && *available != 0;
+            outputs.iter().zip(mask).position(is_largest).unwrap_or(0)
+        }
         Choice::Sampled => sample(powers, mask, random * total),
     };
     (action, outputs[action] - total.max(1.0).ln())
@@ -151,5 +154,12 @@ mod tests {
             assert_eq!(choice([0.0; 8], [0; 8]), 0);
         }
         assert_eq!(choose(&mut [-5.0; 8], &MASK, &mut [0.0; 8], Choice::Greedy, 0.0).0, 1);
+    }
+
+    /// Of outputs whose difference has an exponential of 1, the first was taken, and not the largest.
+    #[test]
+    fn the_largest_output_is_the_greedy_choice_however_close_others_are() {
+        let mut close = [0.0, 0.1_f32, 0.3, 0.1_f32.next_up(), 0.1_f32, 0.0, 0.0, 0.0];
+        assert_eq!(choose(&mut close, &MASK, &mut [0.0; 8], Choice::Greedy, 0.0).0, 3);
     }
 }
