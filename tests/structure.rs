@@ -1,5 +1,5 @@
 //! No modules of a crate depend on each other in a circle: each can be read after those that it uses. A
-//! module and the modules inside it count as one.
+//! module and those inside it may use each other.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};

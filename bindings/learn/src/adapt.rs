@@ -3,7 +3,7 @@
 use crate::checkpoint::write_actor;
 use crate::config::{Config, NetworkKind};
 use crate::description::{OtherMap, RunDescription, WEIGHTS, Weights, read_team_of, write_description};
-use crate::seeds::held_run;
+use crate::run_folders::held_run;
 use crate::tensors::FileError;
 use crate::zoo_folders::ExportError;
 use smaclite_engine::BattleSetup;

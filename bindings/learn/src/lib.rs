@@ -59,6 +59,7 @@ mod ppo;
 pub mod random;
 mod rollout;
 mod run;
+mod run_folders;
 mod seeds;
 mod setups;
 mod team;
@@ -94,9 +95,8 @@ pub use policy::Choice;
 pub use ppo::{Diverged, UpdateStats};
 pub use rollout::Episode;
 pub use run::Run;
-pub use seeds::{
-    OnSeedEvent, SeedEvent, Seeds, SeedsError, check_seeds, held_run, refuse_both, runs_in, seed_folder,
-};
+pub use run_folders::{held_run, refuse_both, runs_in, seed_folder};
+pub use seeds::{OnSeedEvent, SeedEvent, Seeds, SeedsError, check_seeds};
 pub use setups::{resolve_scenario, with_an_end};
 pub use team::Network;
 pub use tensors::{FileError, read as read_file};

@@ -25,7 +25,7 @@ use crate::evaluations::{EvaluationFiles, EvaluationRow, Evaluations, Trained};
 use crate::lane_error::LaneError;
 use crate::lanes::Lanes;
 use crate::log::{CsvLog, KeptLines, TensorBoardLog};
-use crate::seeds::held_run;
+use crate::run_folders::held_run;
 use crate::tensors::{FileError, exists, remove_incomplete};
 use crate::training::{Record, TrainError, Training};
 use crate::zoo_folders;

@@ -1,29 +1,24 @@
 //! Runs with several seeds in one process: a queue, as many at a time as there are threads. Each is an
 //! ordinary run in a folder of its own, `seed-1` and so on, with the bits that it has alone.
 //!
-//! No file says how many runs there are: `folder` finds those that have begun, and checks that they belong
-//! together.
+//! No file says how many runs there are: those that have begun are looked for, and `together` checks that they
+//! belong together.
 
 mod error;
-mod folder;
+mod together;
 
 use crate::config::Config;
 use crate::description::{RunDescription, holds_run};
 use crate::evaluations::EvaluationRow;
 use crate::lanes::Lanes;
 use crate::run::Run;
+use crate::run_folders::{runs_in, seed_folder};
 use crate::training::{Record, TrainError};
 pub use error::SeedsError;
-pub use folder::{held_run, refuse_both, runs_in};
 use smaclite_engine::BattleSetup;
 use smaclite_ipc::{ClientError, RuntimeDir};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-
-/// The folder of the run with this seed, in the folder of runs that differ in their seeds.
-pub fn seed_folder(folder: &Path, seed: u64) -> PathBuf {
-    folder.join(format!("seed-{seed}"))
-}
 
 /// Runs in the subfolders of a folder that differ in their seeds.
 ///
@@ -122,9 +117,9 @@ impl Seeds {
     /// If one cannot be read, or they are not runs that differ in their seeds alone.
     pub fn open(folder: &Path, steps: Option<u64>) -> Result<Option<Seeds>, SeedsError> {
         let runs = runs_in(folder)?;
-        folder::check(folder, &runs)?;
+        together::check(folder, &runs)?;
         if steps.is_none() {
-            folder::check_steps(&runs)?;
+            together::check_steps(&runs)?;
         }
         let runs: Vec<_> = runs.into_iter().map(|(path, run)| (run.config.seed, path)).collect();
         Ok(if runs.is_empty() { None } else { Some(Seeds { runs }) })

@@ -1,7 +1,7 @@
 //! Teams of the zoo where the folder of a run is expected: refused, or written as one.
 
 use crate::description::OtherMap;
-use crate::seeds::held_run;
+use crate::run_folders::held_run;
 use crate::tensors::{FileError, write};
 use crate::zoo::{PREFIX, folder, zoo_file, zoo_teams};
 use std::path::{Path, PathBuf};

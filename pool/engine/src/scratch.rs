@@ -1,7 +1,6 @@
 //! The working memory of a step.
 
 use crate::encode::ObsScratch;
-use crate::policy::PolicyMemory;
 use crate::tick::TickScratch;
 
 /// Working memory of steps and encoders: one per thread, for battles of any arena in turn.
@@ -21,7 +20,16 @@ pub(crate) struct EnemyScratch {
     pub actions: Vec<i32>,
     /// Which agents the enemies see, by in-faction id.
     pub seen: Vec<bool>,
-    pub policy: PolicyMemory,
+    pub policy: PolicyScratch,
+}
+
+/// Working memory of scripted policies.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct PolicyScratch {
+    /// What will be left of the opponents' health and shield, by in-faction id.
+    pub remaining: Vec<f64>,
+    /// Which opponents another unit attacks already, by in-faction id.
+    pub is_taken: Vec<bool>,
 }
 
 impl Scratch {

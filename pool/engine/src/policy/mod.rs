@@ -19,9 +19,9 @@ mod tactics;
 
 use crate::arena::Arena;
 use crate::encode::types_in_state;
+use crate::scratch::PolicyScratch;
 use smaclite_scenarios::Faction;
 use smaclite_units::file::or_did_you_mean;
-use tactics::Fire;
 
 pub use crate::tactic::Tactic;
 pub use random::{Random, uniform_below};
@@ -44,14 +44,14 @@ impl Tactic {
         self,
         situation: &impl Situation,
         actions: &mut [i32],
-        memory: &mut PolicyMemory,
+        memory: &mut PolicyScratch,
         draw: impl FnMut() -> u64,
     ) {
         match self {
             Tactic::Random => random::random(situation, actions, draw),
             Tactic::Nearest => nearest(situation, actions),
-            Tactic::FocusFire => tactics::focus_fire(situation, actions, &mut memory.fire),
-            Tactic::Kite => tactics::kite(situation, actions, &mut memory.fire),
+            Tactic::FocusFire => tactics::focus_fire(situation, actions, &mut memory.remaining),
+            Tactic::Kite => tactics::kite(situation, actions, &mut memory.remaining),
             Tactic::Hold => tactics::hold(situation, actions),
             Tactic::Line => formations::line(situation, actions),
             Tactic::Flank => formations::flank(situation, actions),
@@ -61,19 +61,12 @@ impl Tactic {
     }
 }
 
-/// Working memory of policies. It holds no state: a choice does not depend on what it was used for before.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct PolicyMemory {
-    fire: Fire,
-    is_taken: Vec<bool>,
-}
-
 /// A scripted policy, chosen by name.
 #[derive(Clone, Debug)]
 pub struct Scripted {
     tactic: Tactic,
     random: Random,
-    memory: PolicyMemory,
+    memory: PolicyScratch,
 }
 
 impl Scripted {
@@ -90,7 +83,7 @@ impl Scripted {
 
     /// The policy with that rule. The seed matters for `random` only.
     pub fn new(tactic: Tactic, seed: u64) -> Scripted {
-        Scripted { tactic, random: Random::new(seed), memory: PolicyMemory::default() }
+        Scripted { tactic, random: Random::new(seed), memory: PolicyScratch::default() }
     }
 
     /// The policy of that name.

@@ -4,6 +4,7 @@ use super::Situation;
 use super::choice::{Choice, by_rank};
 use crate::TICK;
 use crate::arena::Arena;
+use crate::buffers::refill;
 use crate::command::{MOVE, action};
 
 /// Targets the nearest opponent that is available as a target, otherwise moves towards the nearest living
@@ -17,18 +18,18 @@ pub fn nearest(situation: &impl Situation, actions: &mut [i32]) {
     }
 }
 
-pub(super) fn focus_fire(situation: &impl Situation, actions: &mut [i32], fire: &mut Fire) {
-    fire.begin(situation);
+pub(super) fn focus_fire(situation: &impl Situation, actions: &mut [i32], remaining: &mut Vec<f64>) {
+    let mut fire = Fire::begin(situation, remaining);
     for (agent, action) in actions.iter_mut().enumerate() {
-        *action = Choice::new(situation, agent).focus(fire) as i32;
+        *action = Choice::new(situation, agent).focus(&mut fire) as i32;
     }
 }
 
-pub(super) fn kite(situation: &impl Situation, actions: &mut [i32], fire: &mut Fire) {
-    fire.begin(situation);
+pub(super) fn kite(situation: &impl Situation, actions: &mut [i32], remaining: &mut Vec<f64>) {
+    let mut fire = Fire::begin(situation, remaining);
     for (agent, action) in actions.iter_mut().enumerate() {
         let choice = Choice::new(situation, agent);
-        *action = choice.retreat().unwrap_or_else(|| choice.focus(fire)) as i32;
+        *action = choice.retreat().unwrap_or_else(|| choice.focus(&mut fire)) as i32;
     }
 }
 
@@ -44,17 +45,16 @@ pub(super) fn hold(situation: &impl Situation, actions: &mut [i32]) {
 const FIRING_TIME: f64 = 0.4;
 
 /// What will be left of the opponents after the attacks that were chosen so far in this step.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Fire {
+struct Fire<'a> {
     /// Health and shield by in-faction id.
-    remaining: Vec<f64>,
+    remaining: &'a mut [f64],
 }
 
-impl Fire {
-    fn begin(&mut self, situation: &impl Situation) {
+impl Fire<'_> {
+    fn begin<'a>(situation: &impl Situation, remaining: &'a mut Vec<f64>) -> Fire<'a> {
         let opponents = situation.arena().ids(situation.faction().opponent());
-        self.remaining.clear();
-        self.remaining.extend(opponents.iter().map(|&id| situation.hit_points(id)));
+        refill(remaining, opponents.iter().map(|&id| situation.hit_points(id)));
+        Fire { remaining }
     }
 
     fn will_survive(&self, opponent: usize) -> bool {
@@ -71,7 +71,7 @@ impl Fire {
 }
 
 impl<S: Situation> Choice<'_, S> {
-    fn focus(&self, fire: &mut Fire) -> usize {
+    fn focus(&self, fire: &mut Fire<'_>) -> usize {
         if self.is_healer || self.is_dead() {
             return self.nearest();
         }
