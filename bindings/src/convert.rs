@@ -5,7 +5,7 @@ use crate::errors::invalid_request;
 use pyo3::exceptions::{PyOverflowError, PyTypeError, PyValueError};
 use pyo3::intern;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyString};
+use pyo3::types::{PyBool, PyDict, PyString};
 use smaclite_engine::Faction;
 use std::fmt::Display;
 use std::str::FromStr;
@@ -60,6 +60,10 @@ impl FromPyObject<'_, '_> for IntArg {
     type Error = PyErr;
 
     fn extract(arg: Borrowed<'_, '_, PyAny>) -> PyResult<IntArg> {
+        // To Python `True` is 1. Here it is a mistake: `obs_last_actions=True` beside `obs_agent_id=True`.
+        if arg.is_instance_of::<PyBool>() {
+            return Ok(IntArg::Other(NotAnInteger { type_name: type_name(&arg), cause: None }));
+        }
         match arg.extract::<i128>() {
             Ok(value) => Ok(IntArg::Small(value)),
             Err(error) if error.is_instance_of::<PyOverflowError>(arg.py()) => {

@@ -163,10 +163,13 @@ const ARGUMENTS: [&str; 21] = [
     "lanes",
 ];
 
+/// Keys of scenario files that are no keywords: no file is opened for a changed scenario.
+const ONLY_IN_FILES: [&str; 2] = ["$schema", "custom_unit_path"];
+
 /// The keywords of `make`: its arguments, and the keys of scenario files.
 fn keywords<'a>() -> impl Iterator<Item = &'a str> {
     let keys = Scenario::keys().iter().map(|key| key.name());
-    ARGUMENTS.into_iter().chain(keys.filter(|key| !ARGUMENTS.contains(key) && !key.starts_with('$')))
+    ARGUMENTS.into_iter().chain(keys.filter(|key| !ARGUMENTS.contains(key) && !ONLY_IN_FILES.contains(key)))
 }
 
 /// What this name of another package is called in this place.

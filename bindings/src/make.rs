@@ -83,8 +83,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 ///         strings and numbers as in a file; None leaves the scenario's own. Options of `rewards` (SMAC's,
 ///         see `docs/reference/observations.md`) and `smacv2` are added to the scenario's own; of `groups`
 ///         and `teams` (see `docs/concepts/generated-battles.md`), and of `terrain` and `terrain_preset`, one
-///         replaces the other. All keys are in `docs/reference/scenario-files.md`, but `name`, `opponent` and
-///         `episode_limit` are the arguments above.
+///         replaces the other. All keys are in `docs/reference/scenario-files.md`; but `name`, `opponent` and
+///         `episode_limit` are the arguments above, and `custom_unit_path` is for files.
 ///
 /// Raises:
 ///     ScenarioError: the scenario is unknown, or a scenario or unit file, or a changed key, is invalid.

@@ -1,7 +1,7 @@
 //! A scenario as the texts of its files, which need no file system to be read again.
 
 use crate::Scenario;
-use crate::keys::{GROUPS, REWARDS, SMACV2, TEAMS, TERRAIN, TERRAIN_PRESET};
+use crate::keys::{GROUPS, HEIGHT, REWARDS, SMACV2, TEAMS, TERRAIN, TERRAIN_PRESET, WIDTH};
 use crate::unit_files::{Origin, UnitFile};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -17,14 +17,15 @@ pub(crate) const STANDARD_FOLDER: &str = "scenarios/data/";
 /// The end of the source of files with changed keys.
 const CHANGED: &str = " with changed keys";
 
-/// The key that a file must not have beside this one.
-fn instead_of(key: &str) -> Option<&'static str> {
-    let pairs = [(TEAMS.name, GROUPS.name), (TERRAIN.name, TERRAIN_PRESET.name)];
-    pairs.into_iter().find_map(|(one, other)| match key {
-        key if key == one => Some(other),
-        key if key == other => Some(one),
-        _ => None,
-    })
+/// The keys of a file that this one replaces, as they say the same.
+fn replaced_by(key: &str) -> &'static [&'static str] {
+    match key {
+        _ if key == TEAMS.name => &[GROUPS.name],
+        _ if key == GROUPS.name => &[TEAMS.name],
+        _ if key == TERRAIN.name => &[TERRAIN_PRESET.name],
+        _ if key == TERRAIN_PRESET.name => &[TERRAIN.name, WIDTH.name, HEIGHT.name],
+        _ => &[],
+    }
 }
 
 /// The text of a scenario file and of every unit file that it names.
@@ -62,9 +63,10 @@ impl ScenarioFiles {
     }
 
     /// The files with other top-level keys of the scenario file: `null` removes a key, the options of
-    /// `smacv2` and `rewards` are added to those of the file, and any other value replaces the file's; of
-    /// `groups` and `teams`, and of `terrain` and `terrain_preset`, one replaces the other. The text is written anew, and what cannot be changed because it is no JSON object
-    /// stays as it is.
+    /// `smacv2` and `rewards` are added to those of the file, and any other value replaces the file's. Of
+    /// `groups` and `teams` one replaces the other, and of `terrain` and `terrain_preset`, with which the
+    /// size of the map is that of presets. The text is written anew, and what cannot be changed because it is
+    /// no JSON object stays as it is.
     ///
     /// ```
     /// use smaclite_scenarios::ScenarioFiles;
@@ -76,14 +78,18 @@ impl ScenarioFiles {
     /// ```
     #[must_use]
     pub fn with_keys(&self, keys: impl IntoIterator<Item = (String, Value)>) -> ScenarioFiles {
-        let mut keys = keys.into_iter().peekable();
+        let keys: Vec<_> = keys.into_iter().collect();
+        let is_given = |key: &str| keys.iter().any(|(given, value)| given == key && !value.is_null());
         // What is not changed stays as it is written: the order of `units` in groups gives units their ids.
         let read = serde_json::from_str::<BTreeMap<String, Box<RawValue>>>(&self.text);
-        let Some(mut file) = read.ok().filter(|_| keys.peek().is_some()) else { return self.clone() };
-        for (key, value) in keys {
-            if let Some(instead) = instead_of(&key).filter(|_| !value.is_null()) {
-                file.remove(instead);
+        let Some(mut file) = read.ok().filter(|_| !keys.is_empty()) else { return self.clone() };
+        for key in keys.iter().map(|(key, _)| key.as_str()).filter(|key| is_given(key)) {
+            // Who gives both is told that one of them must be left out.
+            for replaced in replaced_by(key).iter().filter(|replaced| !is_given(replaced)) {
+                file.remove(*replaced);
             }
+        }
+        for (key, value) in keys {
             let has_options = [SMACV2.name, REWARDS.name].contains(&&*key);
             let of_file = file.remove(&key).filter(|_| has_options);
             let options = of_file.and_then(|options| serde_json::from_str(options.get()).ok());
@@ -133,8 +139,11 @@ impl ScenarioFiles {
         let report = Report::default();
         let read = Scenario::read(&self.text, &self.source, Origin::Texts(&self.unit_files), &report);
         let scenario = report.finish(read).map(|(scenario, _)| scenario);
-        // The text with changes is in no file: its lines and columns would mislead.
-        let is_changed = self.source.ends_with(CHANGED);
-        scenario.map_err(|found| if is_changed { found.without_places(&self.source) } else { found })
+        scenario.map_err(|found| self.placed(found))
+    }
+
+    /// The text with changes is in no file: its lines and columns would mislead.
+    pub(crate) fn placed(&self, found: Problems) -> Problems {
+        if self.source.ends_with(CHANGED) { found.without_places(&self.source) } else { found }
     }
 }

@@ -39,7 +39,8 @@ impl ScenarioFiles {
                 }
             }
         }
-        report.finish(Ok(())).err().map_or_else(Vec::new, |found| found.list().to_vec())
+        let found = report.finish(Ok(())).err();
+        found.map_or_else(Vec::new, |found| self.placed(found).list().to_vec())
     }
 }
 

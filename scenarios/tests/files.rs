@@ -578,10 +578,21 @@ fn a_changed_key_replaces_the_one_that_excludes_it() {
     let removed = serde_json::Value::Null;
     let again = drawn.with_keys([("groups".to_owned(), groups), ("start_positions".to_owned(), removed)]);
     assert!(again.scenario().unwrap().generation.is_none());
-    let map = files.with_keys([("terrain".to_owned(), serde_json::json!(rows))]);
-    assert!(!map.text.contains("terrain_preset"));
-    let preset = map.with_keys([("terrain_preset".to_owned(), "SIMPLE".into())]);
-    assert_eq!(preset.scenario().unwrap(), files.scenario().unwrap());
+    // A place in the changed text would be one in no file.
+    let in_wall = again.with_keys([("terrain".to_owned(), serde_json::json!(vec!["X".repeat(32); 32]))]);
+    let warnings = in_wall.warnings();
+    assert!(!warnings.is_empty() && warnings.iter().all(|warning| warning.line.is_none()), "{warnings:?}");
+    let terrain = |rows: &[String]| ("terrain".to_owned(), serde_json::json!(rows));
+    let preset = || ("terrain_preset".to_owned(), serde_json::Value::from("SIMPLE"));
+    let sides = ["width", "height"].map(|side| (side.to_owned(), 40.into()));
+    let larger = vec!["_".repeat(40); 40];
+    let map = files.with_keys([terrain(&larger)].into_iter().chain(sides));
+    assert_eq!(map.scenario().unwrap().terrain.width(), 40);
+    assert_eq!(map.with_keys([preset()]).scenario().unwrap(), files.scenario().unwrap());
+    for both in [[terrain(&rows), preset()], [preset(), terrain(&rows)]] {
+        let message = files.with_keys(both).scenario().unwrap_err().to_string();
+        assert!(message.contains("must be left out, because `terrain` defines the map"), "{message}");
+    }
 }
 
 #[test]

@@ -269,6 +269,21 @@ def all_stop(batch: sp.Batch) -> NDArray[np.int64]:
     return np.where(batch.avail_actions[..., 1], 1, 0)
 
 
+def test_a_boolean_is_no_integer_to_the_compiled_module(envs: sp.Envs) -> None:
+    """`episode_limit=True` made episodes of one step."""
+    make: Any = sp.make
+    names = ["num_envs", "batch_size", "seed", "threads", "episode_limit", "obs_last_actions", "lanes"]
+    calls: dict[str, Callable[[], object]] = {
+        name: lambda name=name: make("3m", **{name: True})  # type: ignore[misc]
+        for name in names
+    }
+    calls["seed of reset"] = lambda: envs.reset(seed=True)
+    calls["seed of seed_sampler"] = lambda: envs.seed_sampler(True)
+    for name, call in calls.items():
+        with pytest.raises(TypeError, match=f"^{name.split()[0]} must be an integer.*, got bool"):
+            call()
+
+
 def test_integers_are_named_when_they_are_none() -> None:
     """Errors were those of NumPy and Python: "expected non-negative integer" for `load_team(seed=-1)`; or
     there was none, and 1.5 was 1."""
@@ -305,7 +320,7 @@ WALL = ["_" * 24, *["_" * 15 + "X" + "_" * 8] * 10, *["_" * 24] * 13]
 @pytest.mark.parametrize(
     "battle",
     [
-        {"attack_point": (30, 30)},
+        {"attack_point": np.array([30, 30])},
         {"groups": GROUPS, "teams": None},
         {"groups": GROUPS, "terrain": WALL, "width": 24, "height": 24, "attack_point": [12, 16]},
         {"rewards": {"reward_win": 50}},
@@ -319,6 +334,7 @@ def test_keys_given_to_make_are_those_of_a_file(battle: dict[str, Any], tmp_path
         "groups": [GROUPS[0] | {"units": {"MARINE": 3}}, GROUPS[1]], "rewards": {"reward_defeat": -7},
     }  # fmt: skip
     changed = file | {key: value for key, value in battle.items() if value is not None}
+    changed["attack_point"] = np.asarray(changed["attack_point"]).tolist()
     changed["rewards"] = file["rewards"] | battle.get("rewards", {})
     if "terrain" in battle:
         del changed["terrain_preset"]

@@ -50,6 +50,15 @@ def test_pettingzoo_accepts_it(scenario: str) -> None:
         parallel_seed_test(lambda: parallel_env(scenario), num_cycles=100)
 
 
+def test_actions_that_are_no_dict_are_named(env: parallel_env) -> None:
+    stopping = parallel_env("3m", illegal_actions="stop")
+    for each in (env, stopping):
+        each.reset(seed=1)
+        with pytest.raises(TypeError, match="actions must be a dict of agents and actions, got list"):
+            each.step([1] * 3)  # type: ignore[arg-type]
+    stopping.close()
+
+
 def test_the_dead_stay_listed_with_the_no_op_alone(env: parallel_env) -> None:
     observations, _ = env.reset(seed=1)
     died = 0

@@ -135,7 +135,9 @@ def test_what_holds_no_team_is_an_error(tmp_path: Path, folder: Path) -> None:
 
 
 def test_errors_of_the_program_are_raised(tmp_path: Path, folder: Path) -> None:
-    with pytest.raises(sp.errors.InvalidRequest, match="already holds a run"):
+    with pytest.raises(
+        sp.errors.InvalidRequest, match="already holds a run; resume it with `smaclite-pool train --resume`"
+    ):
         sp.train("3m", folder, steps=100)
     with pytest.raises(sp.errors.InvalidRequest, match="did you mean `3m`|unknown scenario `3mm`"):
         sp.train("3mm", tmp_path / "a", steps=100)

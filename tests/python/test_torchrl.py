@@ -110,6 +110,16 @@ def test_a_mask_resets_some_environments_and_leaves_the_others(env: PoolEnv) -> 
     env.step(env.rand_action(after))
 
 
+def test_steps_of_some_environments_are_refused(env: PoolEnv) -> None:
+    """TorchRL marks who is to be stepped, and `PoolEnv` stepped all of them."""
+    step = env.rand_action(env.reset(seed=1))
+    step["_step"] = torch.arange(len(env.envs)) > 0
+    with pytest.raises(sp.errors.InvalidRequest, match="PoolEnv steps all its environments, but `_step`"):
+        env.step(step)
+    step["_step"] = torch.ones(env.batch_size, dtype=torch.bool)
+    assert (env.step(step)["next", "info", "episode_length"] == 1).all()
+
+
 def test_a_saved_state_has_the_same_future_again() -> None:
     with closing(
         PoolEnv("2s3z", 4, fields=["obs", "state", "avail_actions", "snapshot", *INFO_FIELDS])
@@ -192,6 +202,10 @@ def test_settings_that_do_not_fit_are_refused_and_leave_no_pool() -> None:
         PoolEnv("3m", 4, batch_size=2)
     with pytest.raises(sp.errors.InvalidRequest, match="waits for a reset .*; remove `autoreset_mode`"):
         PoolEnv("3m", 4, autoreset_mode="NextStep")
+    with sp.make("3m", 4, autoreset_mode="Disabled") as envs:
+        with pytest.raises(sp.errors.InvalidRequest, match="its own settings; remove num_envs"):
+            PoolEnv(envs, 8)
+        assert PoolEnv(envs, 4).batch_size == (4,)
     assert sp.pools() == []
 
 

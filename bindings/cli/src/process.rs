@@ -14,8 +14,10 @@ const FIRST_PROCESS: &str = "SMACLITE_POOL_FIRST_PROCESS";
 /// when this process is killed, or its pool would never end.
 pub struct SecondProcess {
     child: Child,
-    /// Hands on what it says on standard error, and returns the last line.
+    /// Hands on what it says on standard error until it ends, and returns the last line.
     errors: Option<JoinHandle<String>>,
+    /// That line, after its end.
+    said: String,
 }
 
 impl SecondProcess {
@@ -26,21 +28,28 @@ impl SecondProcess {
     pub fn start(mut command: Command) -> std::io::Result<SecondProcess> {
         command.env(FIRST_PROCESS, std::process::id().to_string());
         command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
-        let mut child = command.spawn()?;
-        let errors = child.stderr.take().map(|errors| std::thread::spawn(|| hand_on(errors)));
-        Ok(SecondProcess { child, errors })
+        let mut process = SecondProcess { child: command.spawn()?, errors: None, said: String::new() };
+        if let Some(errors) = process.child.stderr.take() {
+            process.errors = Some(std::thread::Builder::new().spawn(|| hand_on(errors))?);
+        }
+        Ok(process)
     }
 
-    /// How it ended, and the last line that it said on standard error, once; `None` while it runs.
+    /// How it ended, and the last line that it said on standard error; `None` while it runs.
     ///
     /// # Errors
     /// If the system cannot say.
-    pub fn end(&mut self) -> std::io::Result<Option<(ExitStatus, String)>> {
-        let status = self.child.try_wait()?;
-        Ok(status.map(|status| {
-            let last_line = self.errors.take().and_then(|errors| errors.join().ok());
-            (status, last_line.unwrap_or_default())
-        }))
+    pub fn end(&mut self) -> std::io::Result<Option<(ExitStatus, &str)>> {
+        let Some(status) = self.child.try_wait()? else { return Ok(None) };
+        self.hear_the_rest();
+        Ok(Some((status, &self.said)))
+    }
+
+    /// To be called after its end. It starts no processes, which could keep its standard error open.
+    fn hear_the_rest(&mut self) {
+        if let Some(said) = self.errors.take().and_then(|errors| errors.join().ok()) {
+            self.said = said;
+        }
     }
 
     /// Its process id.
@@ -49,7 +58,7 @@ impl SecondProcess {
     }
 }
 
-/// Lines are cut at this length.
+/// Longer lines are handed on in parts.
 const LONGEST_LINE: u64 = 1 << 16;
 
 fn hand_on(errors: ChildStderr) -> String {
@@ -60,7 +69,9 @@ fn hand_on(errors: ChildStderr) -> String {
             Ok(0) | Err(_) => return String::from_utf8_lossy(last.trim_ascii()).into_owned(),
             Ok(_) => {
                 let _ = std::io::stderr().write_all(&line); // it may be closed
-                last = line;
+                if !line.trim_ascii().is_empty() {
+                    last = line;
+                }
             }
         }
     }
@@ -72,6 +83,7 @@ impl Drop for SecondProcess {
             os::end(&mut self.child);
             let _ = self.child.wait();
         }
+        self.hear_the_rest();
     }
 }
 

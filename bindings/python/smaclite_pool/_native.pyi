@@ -85,28 +85,30 @@ _Rules = Literal["smaclite", "paper", "starcraft", "starcraft-1"]
 _Sides = Literal["allies", "both"]
 _Default = TypeVar("_Default")
 
+_Item = TypeVar("_Item")
+_List = list[_Item] | tuple[_Item, ...] | NDArray[Any]
+
 class _Battle(TypedDict, total=False):
     """Keys of scenario files."""
 
-    custom_unit_path: str | None
     num_allied_units: int | None
     num_enemy_units: int | None
-    groups: Sequence[Mapping[str, Any]] | None
-    teams: Mapping[str, Any] | None
-    start_positions: Mapping[str, Any] | None
-    attack_point: Sequence[float] | None
-    march_to: Literal["AGENTS"] | Sequence[Sequence[float]] | None
+    groups: list[dict[str, Any]] | None
+    teams: dict[str, Any] | None
+    start_positions: dict[str, Any] | None
+    attack_point: _List[float] | None
+    march_to: Literal["AGENTS"] | _List[_List[float]] | None
     terrain_preset: str | None
-    terrain: Sequence[str | Sequence[str]] | None
+    terrain: _List[str] | _List[_List[str]] | None
     width: int | None
     height: int | None
-    terrain_height: Sequence[Sequence[int]] | None
+    terrain_height: _List[_List[int]] | None
     num_unit_types: int | None
-    unit_type_ids: Mapping[str, int] | None
+    unit_type_ids: dict[str, int] | None
     ally_has_shields: bool | None
     enemy_has_shields: bool | None
-    smacv2: Mapping[str, Any] | None
-    rewards: Mapping[str, Any] | None
+    smacv2: dict[str, Any] | None
+    rewards: dict[str, Any] | None
 
 @final
 class Frame:
@@ -181,7 +183,7 @@ class Batch:
         """int32 [M]: what plays the enemies, an index in `OPPONENTS`; lanes must name this field."""
     @property
     def level(self) -> NDArray[np.float32]:
-        """float32 [M, n_units, 5]: how the episode began, or was restored; lanes must name this field."""
+        """float32 [M, n_units, 5]: how the episode of `obs` began; lanes must name this field."""
     @property
     def reward_agents(self) -> NDArray[np.float32]:
         """float32 [M, n_agents]: share of each agent in `reward`; lanes must name this field."""

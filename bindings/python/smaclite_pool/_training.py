@@ -20,6 +20,9 @@ from .errors import InvalidRequest, PoolError
 LINE_INTERVAL = 2.0
 """Seconds between two lines of progress."""
 
+OF_THE_PROGRAM = ("seeds", "resume", "json", "maps")
+"""Options of `smaclite-pool train` that `train` has not."""
+
 # The program is apart from this one, so that Ctrl-C in a terminal reaches it once and from here: at a second
 # signal it ends at once, without a checkpoint.
 if sys.platform == "win32":
@@ -65,7 +68,7 @@ def train(
     Raises InvalidRequest with the program's message if it fails, and PoolError if the program was ended by a
     signal.
     """
-    refused = [name for name in options if name in {"seeds", "resume", "json", "maps"}]
+    refused = [name for name in options if name in OF_THE_PROGRAM]
     if refused:
         raise InvalidRequest(
             f"`{refused[0]}` is no option of `train`, which trains one new team on one map: run "
@@ -161,8 +164,8 @@ def in_python(message: str) -> str:
 
 
 def keyword(name: str) -> str:
-    """The keyword for an option of the program."""
-    return name.replace("-", "_")
+    """The keyword for an option of the program, if `train` has it."""
+    return f"smaclite-pool train --{name}" if name in OF_THE_PROGRAM else name.replace("-", "_")
 
 
 class Progress:

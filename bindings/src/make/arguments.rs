@@ -5,7 +5,7 @@ use crate::errors::invalid_request;
 use crate::habits::check_settings;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use pyo3::types::{IntoPyDict, PyDict, PyMapping, PyString};
+use pyo3::types::{IntoPyDict, PyCFunction, PyDict, PyMapping, PyString};
 use serde_json::Value;
 use smaclite_engine::{EpisodeLimit, OpponentsError, Sides};
 use smaclite_learn::{LaneOpponents, LaneOpponentsError};
@@ -32,9 +32,21 @@ pub(super) fn changed_keys(battle: &Bound<'_, PyDict>) -> PyResult<Vec<(String, 
 /// A value of a key of scenario files.
 fn json_of(key: &str, value: &Bound<'_, PyAny>) -> PyResult<Value> {
     let py = value.py();
-    let only_numbers = [("allow_nan", false)].into_py_dict(py)?;
+    // Of arrays and scalars of NumPy.
+    let to_list = PyCFunction::new_closure(py, None, None, |arguments, _| -> PyResult<Py<PyAny>> {
+        let value = arguments.get_item(0)?;
+        let Some(to_list) = value.getattr_opt("tolist")? else {
+            let got = type_name(&value);
+            return Err(PyTypeError::new_err(format!(
+                "expected dicts, lists, strings and numbers, got {got}"
+            )));
+        };
+        Ok(to_list.call0()?.unbind())
+    })?;
+    let options = [("allow_nan", false)].into_py_dict(py)?;
+    options.set_item("default", to_list)?;
     let dumps = py.import("json")?.getattr("dumps")?;
-    let text_of = |value: &Bound<'_, PyAny>| dumps.call((value,), Some(&only_numbers))?.extract::<String>();
+    let text_of = |value: &Bound<'_, PyAny>| dumps.call((value,), Some(&options))?.extract::<String>();
     let refused = |e: String| invalid_request(format!("{key} must be as in a scenario file (JSON): {e}"));
     let text = text_of(value).map_err(|error| {
         let is_wrong = |(_, item): &(Bound<'_, PyAny>, Bound<'_, PyAny>)| text_of(item).is_err();

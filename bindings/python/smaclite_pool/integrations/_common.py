@@ -362,6 +362,8 @@ class SingleBattle:
 
     def step_by_name(self, actions: Mapping[str, int | np.integer[Any]]) -> TimeStep:
         """`step` by a dict with an action for every name in `agents`."""
+        if not isinstance(actions, Mapping):
+            raise TypeError(f"actions must be a dict of agents and actions, got {type(actions).__name__}")
         if not self.last.ended and (missing := [agent for agent in self.agents if agent not in actions]):
             raise InvalidRequest(
                 f"actions must contain every agent, missing {', '.join(missing)}; dead agents use 0 (no-op)"

@@ -160,7 +160,7 @@ class parallel_env(CopiedByArguments, ParallelEnv[str, Observation, np.int64]):
         Raises IllegalAction for an unavailable action, and InvalidRequest if an agent is missing or the
         battle has ended; nothing is stepped then.
         """
-        if self._stops and self._battle.has_begun:
+        if self._stops and self._battle.has_begun and isinstance(actions, Mapping):
             actions = self._stopped(actions)
         now = self._battle.step_by_name(actions)
         self._viewer.observe(now.state)

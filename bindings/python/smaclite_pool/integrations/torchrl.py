@@ -102,7 +102,7 @@ class PoolEnv(EnvBase):
         scenario: a standard scenario or the path of a scenario file, for a pool within this process; or
             environments of `smaclite_pool.connect`, which must be synchronous and have autoreset_mode
             "Disabled".
-        num_envs: number of environments of a pool within this process.
+        num_envs: number of environments of a pool within this process; None for 64.
         device: the device of all tensors.
         render_mode: None; "rgb_array": `render()` returns pictures; "human": a window shows every step of all
             environments (needs pygame and a display). With a render mode, this object holds one batch.
@@ -120,7 +120,7 @@ class PoolEnv(EnvBase):
     def __init__(
         self,
         scenario: str | PathLike[str] | Envs = "2s3z",
-        num_envs: int = 64,
+        num_envs: int | None = None,
         *,
         device: torch.device | str = "cpu",
         render_mode: str | None = None,
@@ -132,13 +132,15 @@ class PoolEnv(EnvBase):
         check_render_mode(render_mode)
         check_render_speed(render_speed)
         if isinstance(scenario, Envs):
+            if num_envs not in (None, scenario.spec.num_envs):
+                settings["num_envs"] = num_envs
             if settings:
                 raise InvalidRequest(f"a running pool has its own settings; remove {', '.join(settings)}")
             self._check(scenario)
             envs = scenario
         else:
             refuse_settings("an environment of TorchRL", {"autoreset_mode": WAITS_FOR_RESET}, settings)
-            envs = make(scenario, num_envs, autoreset_mode="Disabled", **settings)
+            envs = make(scenario, 64 if num_envs is None else num_envs, autoreset_mode="Disabled", **settings)
             try:
                 self._check(envs)
             except InvalidRequest:
@@ -225,6 +227,13 @@ class PoolEnv(EnvBase):
         return self._decode(batch)
 
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
+        mask = tensordict.get("_step", None)
+        if mask is not None and not bool(mask.all()):
+            raise InvalidRequest(
+                "PoolEnv steps all its environments, but `_step` leaves some out, as "
+                "rollout(break_when_all_done=True) does: use break_when_any_done=False, which resets those "
+                "that end, or SerialEnv with environments of one battle each"
+            )
         each = [tensordict.get((group, "action")).detach().cpu() for group in self.group_map]
         batch = self.envs.step(torch.cat(each, dim=-1).contiguous().numpy())
         self._viewer.observe(batch)

@@ -171,7 +171,7 @@ pub enum MeasureError {
     Start(#[from] StartError),
     #[error("the second process cannot be started: {0}")]
     SecondProcess(#[source] std::io::Error),
-    #[error("the second process ended before its pool was ready ({status}): {said}")]
+    #[error("the second process ended before its pool was ready ({status}), and said {said:?} last")]
     SecondProcessEnded {
         status: ExitStatus,
         /// The last line that it said on standard error.

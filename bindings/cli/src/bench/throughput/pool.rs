@@ -65,7 +65,7 @@ impl Server {
 
 fn check_running(process: &mut SecondProcess) -> Result<(), MeasureError> {
     match process.end().map_err(MeasureError::SecondProcess)? {
-        Some((status, said)) => Err(MeasureError::SecondProcessEnded { status, said }),
+        Some((status, said)) => Err(MeasureError::SecondProcessEnded { status, said: said.to_owned() }),
         None => Ok(()),
     }
 }
