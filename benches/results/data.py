@@ -18,7 +18,6 @@ GROUPS = (
     "other-critic",
     "paper-rules",
     "starcraft",
-    "starcraft-former",
 )
 """What `results.train` reports, in a folder each."""
 

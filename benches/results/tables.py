@@ -42,7 +42,6 @@ def tables(reports: dict[str, list[Row]], searches: list[Row], scripts: str) -> 
         "paper": paper(runs),
         "rules": rules(runs, reports["paper-rules"]),
         "starcraft": starcraft(reports["starcraft"]),
-        "starcraft-former": starcraft(reports["starcraft-former"]),
         "search": search(runs, searches, scripts),
     }
 

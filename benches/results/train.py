@@ -22,9 +22,6 @@ EVALUATE_EVERY = 100_000
 
 FLAT = ("--network", "flat")
 
-SLOWEST = ("25m", "27m_vs_30m", "bane_vs_bane")
-"""Maps of which a run takes longest."""
-
 
 def former(scenario: str) -> list[str]:
     """The defaults when the runs with flat networks were made, but for the networks."""
@@ -51,15 +48,10 @@ GROUPS: dict[str, dict[str, list[str]]] = {
         scenario: [*FLAT, *other_critic(scenario)] for scenario in sp.scenarios(generated=False)
     },
     "paper-rules": {scenario: [*FLAT, *former(scenario), "--rules", "paper"] for scenario in ("MMM", "MMM2")},
-    "starcraft": {scenario: ["--rules", "starcraft"] for scenario in sp.scenarios(generated=False)},
-    "starcraft-former": {
-        scenario: [*former(scenario), "--rules", "starcraft"]
-        for scenario in (*SLOWEST, *sp.scenarios(generated=True))
-    },
+    "starcraft": {scenario: ["--rules", "starcraft"] for scenario in sp.scenarios()},
 }
 """What is trained for each report: scenarios, with options other than the defaults. In the group `open-loop`,
-agents observe the time, their own number and their own last actions alone. The group `starcraft-former` has
-what the default was not trained on under these rules."""
+agents observe the time, their own number and their own last actions alone."""
 
 KEPT = {
     "default": ("runs.csv", "curves-win_rate.svg", "curves-win_rate-dark.svg"),
@@ -69,7 +61,6 @@ KEPT = {
     "other-critic": ("runs.csv",),
     "paper-rules": ("runs.csv",),
     "starcraft": ("runs.csv",),
-    "starcraft-former": ("runs.csv",),
 }
 """Files of each report that the documentation keeps."""
 

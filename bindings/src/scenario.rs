@@ -6,8 +6,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::{Map, Value, json};
 use smaclite_engine::{
-    Arena, FeatureBlock, Rules, SIGHT_RANGE, TARGETING_RANGE, action_names, feature_bounds, obs_features,
-    state_features,
+    Arena, FeatureBlock, Rules, action_names, agent_ranges, feature_bounds, obs_features, state_features,
 };
 use smaclite_scenarios::{Faction, Scenario, Terrain};
 use smaclite_units::{Plane, Targeter, UnitType};
@@ -91,12 +90,7 @@ fn units(scenario: &Scenario, arena: &Arena, faction: Faction) -> Vec<Value> {
 /// What is true of all units of a type.
 fn figures(scenario: &Scenario, unit_type: usize) -> Map<String, Value> {
     let stats = &scenario.unit_types[unit_type];
-    let [sight_range, targeting_range] = match &scenario.smacv2 {
-        Some(options) if options.use_unit_ranges => {
-            [stats.sight_range, stats.targeting_range.max(options.min_attack_range)]
-        }
-        _ => [SIGHT_RANGE, TARGETING_RANGE],
-    };
+    let [sight_range, targeting_range] = agent_ranges(scenario.smacv2.as_ref(), stats);
     // SMACv2's interface leaves the random delay out.
     let is_whole = scenario.smacv2.is_none();
     let max_cooldown = if is_whole { stats.greatest_cooldown() } else { stats.cooldown };

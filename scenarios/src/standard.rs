@@ -90,7 +90,7 @@ impl Scenario {
 
 impl ScenarioFiles {
     /// The file of the standard or generated scenario of that name, if there is one.
-    fn standard(name: &str) -> Option<ScenarioFiles> {
+    pub fn standard(name: &str) -> Option<ScenarioFiles> {
         let (_, text) = all().find(|(standard, _)| *standard == name)?;
         let source = format!("{STANDARD_FOLDER}{name}.json");
         Some(ScenarioFiles { source, text: (*text).into(), unit_files: Vec::new() })

@@ -82,6 +82,9 @@ mod tactic;
 mod tick;
 mod units;
 
+use smaclite_scenarios::Smacv2;
+use smaclite_units::UnitType;
+
 pub use arena::Arena;
 pub use battle::Battle;
 pub use battle_setup::{BattleSetup, EpisodeLimit};
@@ -127,6 +130,17 @@ pub const SIGHT_RANGE: f64 = 9.0;
 /// The range within which target actions are available to agents, in squares, whatever the attack range of
 /// the unit: beyond its attack range, a unit walks to its target first.
 pub const TARGETING_RANGE: f64 = 6.0;
+
+/// How far agents of a type see, and within which range they have target actions, in squares: the two ranges
+/// above, or those of the type if SMACv2's option `use_unit_ranges` asks for them.
+pub fn agent_ranges(options: Option<&Smacv2>, unit_type: &UnitType) -> [f64; 2] {
+    match options {
+        Some(options) if options.use_unit_ranges => {
+            [unit_type.sight_range, unit_type.targeting_range.max(options.min_attack_range)]
+        }
+        _ => [SIGHT_RANGE, TARGETING_RANGE],
+    }
+}
 
 /// Shield regeneration per tick: 2 per second.
 const SHIELD_PER_TICK: f64 = 2.0 * TICK;

@@ -164,7 +164,7 @@ function describe(run) {
   /** @type {any} */
   let file = {};
   try {
-    file = JSON.parse(run);
+    file = JSON.parse(run) ?? {};
   } catch {
     // The engine says where.
   }
@@ -186,7 +186,8 @@ export async function textOf(name, bytes) {
     throw new Error(`${name} is not a replay: it must be JSON compressed by gzip`);
   const text = through(bytes, new DecompressionStream("gzip")).catch((cause) => {
     // What the browser says names neither the file nor the reason.
-    throw new Error(`${name} is damaged or incomplete: it cannot be decompressed`, { cause });
+    const why = cause instanceof RangeError ? cause.message : "it cannot be decompressed";
+    throw new Error(`${name} is damaged or incomplete: ${why}`, { cause });
   });
   return textOfBytes(name, await text);
 }

@@ -105,3 +105,13 @@ test("a replay that is damaged is named, and what is wrong with it", async () =>
   );
   await assert.rejects(textOf("a.smreplay", bytes.slice(2)), /^Error: a.smreplay is not a replay/);
 });
+
+// The page took all the memory that it needed, and crashed.
+test("a small replay with more text than any has is refused", async () => {
+  const text = new Blob(Array(65).fill(" ".repeat(2 ** 20)));
+  const long = new Response(text.stream().pipeThrough(new CompressionStream("gzip")));
+  await assert.rejects(
+    textOf("a.smreplay", new Uint8Array(await long.arrayBuffer())),
+    /^Error: a.smreplay is damaged or incomplete: it has more than 64 MiB after decompression/,
+  );
+});

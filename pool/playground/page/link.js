@@ -27,6 +27,9 @@ const KEYS = [
 ];
 /** Keys that say nothing of the battle. `play` starts it at once; the last two are the editor's. */
 const NO_BATTLE = ["check", "play", "theme", "tab", "group"];
+/** Bytes of what is decompressed, as the program takes them of replays. */
+const LONGEST = 2 ** 26;
+
 const INCOMPLETE = "the link is incomplete or was changed; copy all of it";
 
 /**
@@ -35,7 +38,17 @@ const INCOMPLETE = "the link is incomplete or was changed; copy all of it";
  * @param {CompressionStream | DecompressionStream} stream
  */
 export async function through(bytes, stream) {
-  const readable = new Blob([bytes]).stream().pipeThrough(stream);
+  let length = 0;
+  /** @type {TransformStream<Uint8Array, Uint8Array>} */
+  const counted = new TransformStream({
+    transform(part, out) {
+      // A small file can be much longer than any memory.
+      if ((length += part.length) > LONGEST)
+        throw new RangeError("it has more than 64 MiB after decompression");
+      out.enqueue(part);
+    },
+  });
+  const readable = new Blob([bytes]).stream().pipeThrough(stream).pipeThrough(counted);
   return new Uint8Array(await new Response(readable).arrayBuffer());
 }
 

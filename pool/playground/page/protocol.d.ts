@@ -224,5 +224,5 @@ groups: Array<Array<[number, number, number]> | null>,
  * The units that a seed draws in a valid generated scenario: `[index in types, faction, x, y]`, where
  * the faction is 0 for allies and 1 for enemies.
  */
-drawn: Array<[number, number, number, number]> | null, sight: number, };
+drawn: Array<[number, number, number, number]> | null, };
 export type Summary = { n_agents: number, n_enemies: number, n_actions: number, obs_size: number, state_size: number, };

@@ -7,9 +7,12 @@ use smaclite_engine::{
     Arena, BattleSetup, EnemySide, Opponent, Opponents, OpponentsError, Sides, SnapshotError, UnknownRules,
 };
 use smaclite_scenarios::{Placement, Problems, Scenario};
-use smaclite_units::Keyword;
+use smaclite_units::{Keyword, Plane};
 use smaclite_view::{Recorder, Replay, ReplayError};
 use std::sync::Arc;
+
+/// Squares by which a unit steps aside whose place is taken.
+const ASIDE: f64 = 1.0 / 16.0;
 
 /// Why there is no battle.
 #[derive(Debug, thiserror::Error)]
@@ -127,9 +130,19 @@ impl Game {
         if unit >= n_units {
             return Err(GameError::Unit { unit, n_units });
         }
-        // A unit alone in its group starts at the place of the group under all rules.
+        // A unit alone in its group starts at the place of the group under all rules. Under `starcraft` a
+        // colossus and another unit can begin at one point, which a file cannot say: one of them steps aside.
+        let mut taken = Vec::new();
+        let mut start_of = |id: usize, plane: Plane| {
+            let [mut x, y] = if id == unit { [x, y] } else { self.arena.start(id) };
+            while taken.contains(&(plane, [x, y])) {
+                x += ASIDE;
+            }
+            taken.push((plane, [x, y]));
+            [x, y]
+        };
         let group = |(id, placed): (usize, &Placement)| {
-            let [x, y] = if id == unit { [x, y] } else { self.arena.start(id) };
+            let [x, y] = start_of(id, unit_types[placed.unit_type].plane);
             let name = unit_types[placed.unit_type].name.as_str();
             // A unit file is called as the scenario file calls it, which may be by a path.
             let file = self.own.files.unit_files.iter().find(|file| file.name == name);

@@ -10,13 +10,14 @@ use crate::protocol::TextFile;
 use serde::Deserialize;
 use serde_json::Value;
 use smaclite_engine::{BattleSetup, EpisodeLimit, Sides};
-use smaclite_scenarios::{Problems, Scenario, ScenarioError, ScenarioFiles, UnitFile};
+use smaclite_scenarios::{Problems, Scenario, ScenarioFiles, UnitFile};
+use smaclite_units::file::{did_you_mean, shortened};
 
 /// Why a text or files are not a scenario.
 #[derive(Debug, thiserror::Error)]
 pub(crate) enum SourceError {
-    #[error(transparent)]
-    Unknown(#[from] ScenarioError),
+    #[error("`{name}` is not the name of a standard scenario; {hint}")]
+    Unknown { name: String, hint: String },
     #[error("the battle is not valid: {0}")]
     Setup(serde_json::Error),
     #[error("`episode_limit` of the battle must be at least 1, or null, got 0")]
@@ -30,7 +31,12 @@ pub(crate) enum SourceError {
 /// What is played in a scenario.
 pub(crate) fn setup_of(source: &str) -> Result<BattleSetup, SourceError> {
     if !source.trim_start().starts_with('{') {
-        return Ok(BattleSetup::new(ScenarioFiles::resolve(source)?.1));
+        // A link may be anybody's: it must not make the program that serves the page read files.
+        let files = ScenarioFiles::standard(source).ok_or_else(|| {
+            let names = Scenario::standard_names().chain(Scenario::generated_names());
+            SourceError::Unknown { name: shortened(source), hint: did_you_mean(source, names) }
+        })?;
+        return Ok(BattleSetup::new(files));
     }
     if parsed(source).get("files").is_some() {
         // As a run without a configuration, so that the page has this code once.

@@ -340,7 +340,7 @@ export class BattleView extends MapView {
       context.fill();
       context.setLineDash([]);
     };
-    circle(this.info.sight_range, [6, 5], 0.75, 0.04);
+    circle(type.sight_range, [6, 5], 0.75, 0.04);
     circle(type.radius + type.attack_range, [], 0.5, 0.05);
     if (state.target < 0 || !this.states[state.target].alive) return;
     const target = this.states[state.target],

@@ -7,8 +7,12 @@ obstacles: Array<[number, number, number, number]>, attack_point: [number, numbe
 /**
  * The action of an agent that means its first target. Looks stand before it, if there are any.
  */
-first_target: number, episode_limit: number | null, sight_range: number, units_per: UnitsPer, };
-export type TypeInfo = { name: string, label: string, radius: number, hp: number, shield: number, energy: number, initial_energy: number, cooldown: number, attack_range: number, speed: number, plane: string, attack: "shot" | "beam" | "explosion" | "heal", 
+first_target: number, episode_limit: number | null, units_per: UnitsPer, };
+export type TypeInfo = { name: string, label: string, radius: number, hp: number, shield: number, energy: number, initial_energy: number, cooldown: number, attack_range: number, 
+/**
+ * How far agents of the type see.
+ */
+sight_range: number, speed: number, plane: string, attack: "shot" | "beam" | "explosion" | "heal", 
 /**
  * Width and height of a beam, or the radius of an explosion.
  */

@@ -220,7 +220,7 @@ export class Inspector {
     const rows = [
       ["Position", `${track.x[at].toFixed(2)}, ${track.y[at].toFixed(2)}`],
       ["Target", aim],
-      ["Range", `${type.attack_range} squares, sight ${this.info.sight_range}`],
+      ["Range", `${type.attack_range} squares, sight ${type.sight_range}`],
     ];
     if (!alive) rows.unshift(["State", `died at ${(dead / TICKS_PER_SECOND).toFixed(1)} s`]);
     return make(

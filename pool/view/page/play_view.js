@@ -73,8 +73,9 @@ export class PlayView extends BattleView {
 
   drawGround() {
     const { agents } = this;
-    this.seen = seenBy(this.states, agents, this.info.sight_range);
-    if (this.hasFog && !this.isOver) this.drawFog(agents);
+    const eyes = agents.map(({ unit, x, y }) => ({ x, y, sight: this.type(unit).sight_range }));
+    this.seen = seenBy(this.states, eyes);
+    if (this.hasFog && !this.isOver) this.drawFog(eyes);
     for (const agent of agents)
       if (this.selection.units.has(agent.unit))
         this.drawOrder(agent, this.orders[this.info.units[agent.unit].id]);
@@ -82,9 +83,9 @@ export class PlayView extends BattleView {
 
   /**
    * Darkens what no agent sees.
-   * @param {UnitState[]} agents
+   * @param {{ x: number, y: number, sight: number }[]} eyes
    */
-  drawFog(agents) {
+  drawFog(eyes) {
     const { fog, canvas, ratio } = this,
       context = contextOf(fog);
     // Setting the size clears it.
@@ -94,10 +95,10 @@ export class PlayView extends BattleView {
     context.fillRect(0, 0, this.width, this.height);
     context.globalCompositeOperation = "destination-out";
     context.fillStyle = "#000000";
-    for (const { x, y } of agents) {
+    for (const { x, y, sight } of eyes) {
       const at = this.toCanvas(x, y);
       context.beginPath();
-      context.arc(at.x, at.y, this.info.sight_range * this.scale, 0, 2 * Math.PI);
+      context.arc(at.x, at.y, sight * this.scale, 0, 2 * Math.PI);
       context.fill();
     }
     this.context.drawImage(fog, 0, 0, this.width, this.height);

@@ -138,12 +138,11 @@ export function unitsIn(places, { x0, y0, x1, y1 }) {
 }
 
 /**
- * Which units are seen by one of these: nearer than the sight range.
+ * Which units are seen by one of these: nearer than its sight range.
  * @param {{ unit: number, x: number, y: number }[]} units
- * @param {{ x: number, y: number }[]} eyes
- * @param {number} range
+ * @param {{ x: number, y: number, sight: number }[]} eyes
  */
-export function seenBy(units, eyes, range) {
-  const isSeen = ({ x = 0, y = 0 }) => eyes.some((eye) => Math.hypot(eye.x - x, eye.y - y) < range);
+export function seenBy(units, eyes) {
+  const isSeen = ({ x = 0, y = 0 }) => eyes.some((eye) => Math.hypot(eye.x - x, eye.y - y) < eye.sight);
   return new Set(units.filter(isSeen).map(({ unit }) => unit));
 }

@@ -110,6 +110,7 @@ test("units are seen that are nearer than the sight range to an agent", () => {
     { unit: 5, x: 9, y: 0 },
     { unit: 6, x: 8.9, y: 0 },
   ];
-  assert.deepEqual([...seenBy(enemies, [{ x: 0, y: 0 }], 9)], [6]);
-  assert.deepEqual([...seenBy(enemies, [], 9)], []);
+  assert.deepEqual([...seenBy(enemies, [{ x: 0, y: 0, sight: 9 }])], [6]);
+  assert.deepEqual([...seenBy(enemies, [{ x: 0, y: 0, sight: 9.1 }])], [5, 6]);
+  assert.deepEqual([...seenBy(enemies, [])], []);
 });

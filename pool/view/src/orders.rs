@@ -3,7 +3,7 @@
 
 use glam::Vec2;
 use serde::{Deserialize, Serialize};
-use smaclite_engine::{Battle, SIGHT_RANGE, TICKS_PER_STEP, action};
+use smaclite_engine::{Battle, TICKS_PER_STEP, action, agent_ranges};
 use smaclite_scenarios::{Faction, Scenario};
 #[cfg(test)]
 use ts_rs::TS;
@@ -253,7 +253,10 @@ impl<'a> Field<'a> {
     fn is_seen(&self, unit: usize) -> bool {
         let at = self.battle.units().pos[unit];
         let mut living = self.agents.iter().filter(|&&id| self.is_alive(id));
-        living.any(|&id| f64::from(self.battle.units().pos[id].distance(at)) < SIGHT_RANGE)
+        living.any(|&id| {
+            let [sight, _] = agent_ranges(self.scenario.smacv2.as_ref(), self.unit_type(id));
+            f64::from(self.battle.units().pos[id].distance(at)) < sight
+        })
     }
 
     /// The available move that brings an agent nearest to a point; or, where others stand in its way, the

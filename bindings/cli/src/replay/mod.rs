@@ -50,6 +50,8 @@ const TICKS_PER_SECOND: f64 = 16.0;
 
 /// Frame rates that every format can express.
 const MAX_FPS: f64 = 1000.0;
+/// A frame of a GIF lasts at most 655 seconds.
+const MIN_FPS: f64 = 0.01;
 
 /// Browsers show the frames of a GIF for at least two hundredths of a second.
 const MAX_GIF_FPS: f64 = 50.0;
@@ -95,9 +97,9 @@ impl Replay {
         // What a GIF cannot show faster would only end in a longer standstill.
         let most = if format == Format::Gif { MAX_GIF_FPS } else { MAX_FPS };
         match self.fps {
-            Some(fps) if !(fps > 0.0 && fps <= most) => {
+            Some(fps) if !(MIN_FPS..=most).contains(&fps) => {
                 let what = format.name();
-                Err(format!("--fps must be above 0 and at most {most} for {what}, got {fps}").into())
+                Err(format!("--fps must be between {MIN_FPS} and {most} for {what}, got {fps}").into())
             }
             _ => Ok(()),
         }

@@ -65,12 +65,15 @@ pub(crate) struct ServeOptions {
     open: bool,
 }
 
+/// Bytes of the longest message of pages that open files: a scenario with its unit files as JSON, replays, teams.
+pub(crate) const LARGEST_FILES: usize = 1 << 26;
+
 /// What is served.
 pub(crate) trait App: Send + Sync + 'static {
     /// The HTML document, which loads nothing but the WebSocket.
     fn document(&self) -> String;
 
-    /// Bytes of the longest message of a page; a scenario with its unit files fits.
+    /// Bytes of the longest message of a page.
     fn max_message(&self) -> usize {
         1 << 22
     }

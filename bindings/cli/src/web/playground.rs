@@ -1,7 +1,7 @@
 //! The playground, whose engine is this program: each open page has a session of its own, on its thread.
 
 use super::protocol::{PageRequest, PageResponse};
-use super::{App, Page, pages};
+use super::{App, LARGEST_FILES, Page, pages};
 use crate::zoo::team_files;
 use serde_json::{Value, json};
 use smaclite_playground::{Page as Document, Session, TeamFiles};
@@ -47,9 +47,8 @@ impl App for Playground {
         pages::playground(&self.0)
     }
 
-    /// Replays and teams.
     fn max_message(&self) -> usize {
-        1 << 26
+        LARGEST_FILES
     }
 
     fn run(&self, page: Page) {

@@ -175,15 +175,11 @@ fn what_cannot_be_replayed_is_an_error() {
     error("replay 3m.smreplay --to ..", 2, suffixes);
     error("replay 3m.smreplay --to battle.mp4", 1, "needs the program ffmpeg, which is not installed");
     error("replay 3m.smreplay --to a.gif --episode 2", 1, "episode must be below 2");
-    error(
-        "replay 3m.smreplay --to a.gif --fps 0",
-        1,
-        "--fps must be above 0 and at most 50 for a GIF, got 0",
-    );
+    error("replay 3m.smreplay --to a.gif --fps 0", 1, "--fps must be between 0.01 and 50 for a GIF, got 0");
     error(
         "replay 3m.smreplay --to a.mp4 --fps nan",
         1,
-        "--fps must be above 0 and at most 1000 for an MP4 file, got NaN",
+        "--fps must be between 0.01 and 1000 for an MP4 file, got NaN",
     );
     error("replay 3m.smreplay --to a.gif --size 9x9", 2, "must be WIDTHxHEIGHT, each between 16 and 4096");
     error("replay 3m.smreplay --to a.html --episode 1", 1, "--episode has no effect on a page");

@@ -269,11 +269,7 @@ fn options_without_effect_are_refused() {
             1,
             "--samples is for generated scenarios; `a.snapshot` is a snapshot",
         ),
-        (
-            "replay a.smreplay --to a.gif --fps 51",
-            1,
-            "--fps must be above 0 and at most 50 for a GIF, got 51",
-        ),
+        ("replay a.smreplay --to a.gif --fps 51", 1, "--fps must be between 0.01 and 50 for a GIF, got 51"),
     ] {
         check_error(folder, command, status, expected);
     }

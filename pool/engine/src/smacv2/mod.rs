@@ -40,8 +40,8 @@ pub use perception::{Chance, Frame, Perception};
 pub use words::WrongWord;
 pub(crate) use words::{NO_SEER, POINT};
 
+use crate::agent_ranges;
 use crate::sizes::Sizes;
-use crate::{SIGHT_RANGE, TARGETING_RANGE};
 
 /// The action of the first look direction, or of the first target where there are none.
 const FIRST_LOOK: usize = 6;
@@ -234,10 +234,7 @@ impl Kind {
     fn new(scenario: &Scenario, options: &Smacv2, index: usize) -> Kind {
         let unit_type = &scenario.unit_types[index];
         let is_healer = unit_type.is_healer();
-        let (sight, reach) = match options.use_unit_ranges {
-            true => (unit_type.sight_range, unit_type.targeting_range.max(options.min_attack_range)),
-            false => (SIGHT_RANGE, TARGETING_RANGE),
-        };
+        let [sight, reach] = agent_ranges(Some(options), unit_type);
         Kind {
             sight,
             reach,

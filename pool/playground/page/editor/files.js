@@ -106,6 +106,12 @@ export class FileStore {
     const units = read
       .filter((file) => !isScenario(file))
       .map(({ name, text }) => ({ name: stemOf(name), keys: noKeys, text }));
+    const standard = units.find(({ name }) => this.page.doc.standard(name)?.is_replaceable === false);
+    if (standard)
+      return tell(
+        `${standard.name}.json is not opened: ${standard.name} is always the standard type; rename the file`,
+        true,
+      );
     if (!read.length || scenarios.length > 1)
       return tell("Open one scenario file and its unit files, or unit files to add; all end in .json.");
     if (scenarios.length)

@@ -103,7 +103,6 @@ export class MapEditor extends BattleView {
       attack_point: isPoint ? /** @type {[number, number]} */ (goal) : [NaN, NaN],
       types: layout?.types ?? [],
       units,
-      sight_range: layout?.sight ?? 9,
     });
     Object.assign(this, { info, track: new StartTrack(info, places) });
     this.hovered = this.selected = -1;

@@ -33,7 +33,6 @@ export class Layout {
    */
   constructor(groups, checked) {
     this.types = checked.types;
-    this.sight = checked.sight;
     /** The units that the seed draws, in a generated scenario. */
     this.drawn = checked.drawn;
     this.entries = groups.map((group, i) => ({

@@ -2,7 +2,6 @@
 
 use super::protocol::{CheckedFiles, Group, Summary};
 use glam::Vec2;
-use smaclite_engine::SIGHT_RANGE;
 use smaclite_engine::{Arena, Battle, BattleSetup, Rules};
 use smaclite_scenarios::{Faction, MAX_UNITS, Placement, Problem, ScenarioFiles, formation};
 use smaclite_units::{Keyword, UnitType};
@@ -16,8 +15,9 @@ pub(crate) fn check(files: &ScenarioFiles, groups: &[Group], seed: &str) -> Chec
     let groups = groups.iter().map(|group| place(group, &mut types, &mut free)).collect();
     let summary = if problems.is_empty() { summary(files) } else { None };
     let drawn = drawn(files, &mut types, seed);
-    let (warnings, types) = (files.warnings(), types_info(&types.types));
-    CheckedFiles { problems, warnings, summary, types, groups, drawn, sight: SIGHT_RANGE }
+    let options = files.scenario().ok().and_then(|scenario| scenario.smacv2);
+    let (warnings, types) = (files.warnings(), types_info(&types.types, options.as_ref()));
+    CheckedFiles { problems, warnings, summary, types, groups, drawn }
 }
 
 /// All that is wrong with the scenario, and with unit files that it does not name yet.

@@ -98,7 +98,6 @@ pub(crate) struct CheckedFiles {
     /// The units that a seed draws in a valid generated scenario: `[index in types, faction, x, y]`, where
     /// the faction is 0 for allies and 1 for enemies.
     pub drawn: Option<Vec<(usize, usize, f32, f32)>>,
-    pub sight: f64,
 }
 
 /// What `smaclite-pool check` prints of a valid scenario.

@@ -12,8 +12,8 @@ use base64::engine::general_purpose::STANDARD;
 use flate2::Compression;
 use flate2::write::DeflateEncoder;
 use serde::Serialize;
-use smaclite_engine::{Arena, Battle, FeatureBlock, SIGHT_RANGE, obs_features};
-use smaclite_scenarios::{Faction, Scenario};
+use smaclite_engine::{Arena, Battle, FeatureBlock, agent_ranges, obs_features};
+use smaclite_scenarios::{Faction, Scenario, Smacv2};
 use smaclite_units::{Keyword, Targeter, UnitType};
 
 #[cfg(test)]
@@ -45,7 +45,6 @@ pub struct ScenarioInfo {
     /// The action of an agent that means its first target. Looks stand before it, if there are any.
     first_target: usize,
     episode_limit: Option<u32>,
-    sight_range: f64,
     units_per: UnitsPer,
 }
 
@@ -62,6 +61,8 @@ pub struct TypeInfo {
     initial_energy: f64,
     cooldown: f64,
     attack_range: f64,
+    /// How far agents of the type see.
+    sight_range: f64,
     speed: f64,
     plane: &'static str,
     #[cfg_attr(test, ts(type = "\"shot\" | \"beam\" | \"explosion\" | \"heal\""))]
@@ -149,13 +150,12 @@ pub fn scenario_info(scenario: &Scenario, arena: &Arena) -> ScenarioInfo {
         height: terrain.height(),
         obstacles: rects.collect(),
         attack_point: scenario.attack_point,
-        types: types_info(&arena.rules().figures(scenario).unit_types),
+        types: types_info(&arena.rules().figures(scenario).unit_types, scenario.smacv2.as_ref()),
         units: units.collect(),
         n_agents: arena.sizes().n_agents,
         n_actions: arena.sizes().n_actions,
         first_target: arena.first_target(Faction::Ally),
         episode_limit: arena.episode_limit(),
-        sight_range: SIGHT_RANGE,
         units_per: UnitsPer { position: POSITION, points: POINTS, seconds: SECONDS, turn: DIRECTIONS as i32 },
     }
 }
@@ -167,13 +167,13 @@ pub fn features_info(scenario: &Scenario) -> Vec<Features> {
     blocks.map(info).collect()
 }
 
-/// What the page shows of unit types, with the letter of each.
-pub fn types_info(types: &[UnitType]) -> Vec<TypeInfo> {
+/// What the page shows of unit types, with the letter of each, where agents observe by these options.
+pub fn types_info(types: &[UnitType], options: Option<&Smacv2>) -> Vec<TypeInfo> {
     let types = types.iter().zip(type_letters(types));
-    types.map(|(unit_type, letter)| type_info(unit_type, letter)).collect()
+    types.map(|(unit_type, letter)| type_info(unit_type, letter, options)).collect()
 }
 
-fn type_info(unit_type: &UnitType, label: char) -> TypeInfo {
+fn type_info(unit_type: &UnitType, label: char, options: Option<&Smacv2>) -> TypeInfo {
     let (attack, attack_size) = match unit_type.targeter {
         Targeter::Standard => ("shot", [0.0, 0.0]),
         Targeter::LaserBeam { width, height } => ("beam", [width, height]),
@@ -190,6 +190,7 @@ fn type_info(unit_type: &UnitType, label: char) -> TypeInfo {
         initial_energy: unit_type.initial_energy,
         cooldown: unit_type.cooldown,
         attack_range: unit_type.attack_range,
+        sight_range: agent_ranges(options, unit_type)[0],
         speed: unit_type.speed,
         plane: unit_type.plane.name(),
         attack,

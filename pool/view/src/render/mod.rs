@@ -17,6 +17,7 @@ mod theme;
 use std::sync::Arc;
 
 use glam::Vec2;
+use smaclite_engine::agent_ranges;
 use smaclite_scenarios::{Faction, Placement, Scenario};
 use smaclite_units::{Plane, UnitType};
 use tiny_skia::Pixmap;
@@ -103,7 +104,7 @@ pub struct Renderer {
     palette: &'static Palette,
     shapes: Shapes,
     /// All types of the scenario, and the letter of each.
-    types: Arc<[(UnitType, char)]>,
+    types: Arc<[DrawnType]>,
     units: Arc<[Placement]>,
     /// By battle-wide id.
     looks: Vec<Look>,
@@ -112,6 +113,15 @@ pub struct Renderer {
     /// How many of `order` are on the ground.
     n_on_ground: usize,
     terrain: Arc<Pixmap>,
+}
+
+/// A unit type, and what pictures show of it.
+#[derive(Clone, Debug)]
+struct DrawnType {
+    unit_type: UnitType,
+    letter: char,
+    /// How far agents of the type see, in squares.
+    sight: f64,
 }
 
 /// What never changes about a unit's look; lengths in pixels.
@@ -125,6 +135,8 @@ struct Look {
     radius: f32,
     /// The attack range from the unit's centre to the edge of a target.
     range: f32,
+    /// How far an agent of the type sees.
+    sight: f32,
     hp: f32,
     shield: f32,
     energy: f32,
@@ -132,12 +144,14 @@ struct Look {
 }
 
 impl Look {
-    fn new(unit: &Placement, index: usize, unit_type: &UnitType, letter: char, scale: f32) -> Look {
+    fn new(unit: &Placement, index: usize, drawn: &DrawnType, scale: f32) -> Look {
+        let DrawnType { unit_type, letter, sight } = drawn;
         Look {
             unit_type: index,
             faction: unit.faction,
             plane: unit_type.plane,
-            letter,
+            letter: *letter,
+            sight: *sight as f32 * scale,
             id: unit.id_in_faction.to_string(),
             radius: (unit_type.radius() as f32 * scale).max(MIN_RADIUS),
             range: (unit_type.radius() + unit_type.attack_range) as f32 * scale,
@@ -165,7 +179,11 @@ impl Renderer {
             height,
             max_side: Picture::MAX_SIDE,
         })?;
-        let types = scenario.unit_types.iter().cloned().zip(type_letters(&scenario.unit_types));
+        let types = scenario.unit_types.iter().zip(type_letters(&scenario.unit_types));
+        let types = types.map(|(unit_type, letter)| {
+            let [sight, _] = agent_ranges(scenario.smacv2.as_ref(), unit_type);
+            DrawnType { unit_type: unit_type.clone(), letter, sight }
+        });
         let renderer = Renderer {
             options,
             camera,
@@ -184,8 +202,7 @@ impl Renderer {
     /// The same for units of these types.
     fn of_types(&self, types: impl Iterator<Item = usize>) -> Renderer {
         let look = |(unit, unit_type): (&Placement, usize)| {
-            let (stats, letter) = &self.types[unit_type];
-            Look::new(unit, unit_type, stats, *letter, self.camera.scale)
+            Look::new(unit, unit_type, &self.types[unit_type], self.camera.scale)
         };
         let looks: Vec<Look> = self.units.iter().zip(types).map(look).collect();
         let mut order: Vec<usize> = (0..looks.len()).collect();

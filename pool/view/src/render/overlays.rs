@@ -1,7 +1,6 @@
 //! What a viewer asks for: sight, attack range, targets and ids.
 
 use glam::Vec2;
-use smaclite_engine::SIGHT_RANGE;
 use smaclite_scenarios::Faction;
 use tiny_skia::FillRule;
 
@@ -21,8 +20,7 @@ fn living<'a>(
 /// The area that agents see together.
 pub(super) fn draw_sight(renderer: &Renderer, canvas: &mut Canvas, moment: &Moment) {
     let agents = living(renderer, moment).filter(|(look, _)| look.faction == Faction::Ally);
-    let radius = SIGHT_RANGE as f32 * renderer.camera.scale;
-    let circles: Vec<Circle> = agents.map(|(_, unit)| Circle::new(renderer, unit, radius)).collect();
+    let circles: Vec<Circle> = agents.map(|(look, unit)| Circle::new(renderer, unit, look.sight)).collect();
     draw_union(renderer, canvas, Faction::Ally, &circles, [0.05, 0.35]);
 }
 

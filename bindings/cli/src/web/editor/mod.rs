@@ -6,7 +6,7 @@ mod target;
 pub(crate) use target::Start;
 
 use super::protocol::{PageRequest, PageResponse};
-use super::{App, Page, pages};
+use super::{App, LARGEST_FILES, Page, pages};
 use smaclite_playground::Session;
 
 /// The editor of one command.
@@ -32,6 +32,10 @@ impl Editor {
 impl App for Editor {
     fn document(&self) -> String {
         pages::editor()
+    }
+
+    fn max_message(&self) -> usize {
+        LARGEST_FILES
     }
 
     fn run(&self, page: Page) {

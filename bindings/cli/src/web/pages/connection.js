@@ -21,6 +21,9 @@ const RETRY_AFTER = 1000;
 /** Bytes of the longest message that the program reads from most pages. */
 const LARGEST_MESSAGE = 2 ** 22;
 
+/** Of pages that open files: a scenario with its unit files, replays, teams. */
+export const LARGEST_FILES = 2 ** 26;
+
 /** There is no connection to the program, or it ended before the response. */
 export class ConnectionLost extends Error {}
 

@@ -4,11 +4,12 @@
 import { startEditor } from "#playground/editor/editor.js";
 import { say } from "#playground/editor/message.js";
 import { byId, messageOf } from "#view/dom.js";
+import { LARGEST_FILES } from "./connection.js";
 import { ProgramEngine } from "./program_engine.js";
 
 /** @param {{ other: string }} data */
 async function editWithProgram(data) {
-  const engine = new ProgramEngine(say),
+  const engine = new ProgramEngine(say, LARGEST_FILES),
     { connection } = engine;
   await engine.opened;
   say("");

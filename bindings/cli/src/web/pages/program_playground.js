@@ -4,19 +4,17 @@
 import { EngineLost } from "#playground/engine.js";
 import { startPlayground } from "#playground/main.js";
 import { byId, messageOf } from "#view/dom.js";
+import { LARGEST_FILES } from "./connection.js";
 import { ProgramEngine } from "./program_engine.js";
 
 /** @import { PageData } from "#playground/main.js" */
-
-/** Bytes of the longest message: replays and teams. */
-const LARGEST = 2 ** 26;
 
 /** @param {string} text */
 const show = (text) => Object.assign(byId("message"), { hidden: !text, textContent: text });
 
 /** @param {PageData} data */
 async function playWithProgram(data) {
-  const engine = new ProgramEngine(show, LARGEST);
+  const engine = new ProgramEngine(show, LARGEST_FILES);
   await engine.opened;
   show("");
   const page = await startPlayground(engine, data);
