@@ -219,8 +219,8 @@ pub const FIELDS: [FieldSpec; FIELD_COUNT] = [
         "level",
         F32,
         &[Axis::Unit, Axis::LevelColumn],
-        "how the episode of `obs` began, or the state that was restored since: type, x, y, health and life of \
-         each unit; only in lanes that name this field",
+        "how the episode of `obs` began, or the state that was restored since: type, x, y, health and life \
+         of each unit; only in lanes that name this field",
     ),
     spec(
         Field::RewardAgents,

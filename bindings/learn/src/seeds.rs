@@ -1,8 +1,8 @@
 //! Runs with several seeds in one process: a queue, as many at a time as there are threads. Each is an
 //! ordinary run in a folder of its own, `seed-1` and so on, with the bits that it has alone.
 //!
-//! No file says how many runs there are: those that have begun are looked for, and `together` checks that they
-//! belong together.
+//! No file says how many runs there are: those that have begun are looked for, and `together` checks that
+//! they belong together.
 
 mod error;
 mod together;

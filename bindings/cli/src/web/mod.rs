@@ -65,7 +65,7 @@ pub(crate) struct ServeOptions {
     open: bool,
 }
 
-/// Bytes of the longest message of pages that open files: a scenario with its unit files as JSON, replays, teams.
+/// Bytes of the longest message of pages that open files: a scenario with its unit files, replays, teams.
 pub(crate) const LARGEST_FILES: usize = 1 << 26;
 
 /// What is served.

@@ -416,8 +416,8 @@ fn a_unit_that_is_moved_starts_elsewhere_and_no_other() {
         let moved = ask(&mut session, json!({"type": "move_unit", "unit": 1, "x": 15.25, "y": 20.5}));
         let text = moved["scenario"].as_str().unwrap();
         expected[1].2 = [15.25, 20.5];
-        // Under `starcraft` the colossus of 1c3s5z and a stalker begin at one point, which no file can say; where
-        // one steps aside, others stand.
+        // Under `starcraft` the colossus of 1c3s5z and a stalker begin at one point, which no file can say;
+        // where one steps aside, others stand.
         let found = starts(text, rules);
         for ((name, faction, at), (other, other_faction, place)) in found.iter().zip(&expected) {
             assert_eq!((name, faction, at[1]), (other, other_faction, place[1]), "{scenario}, {rules}");
