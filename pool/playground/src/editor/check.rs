@@ -4,6 +4,7 @@ use super::protocol::{CheckedFiles, Group, Summary};
 use glam::Vec2;
 use smaclite_engine::{Arena, Battle, BattleSetup, Rules};
 use smaclite_scenarios::{Faction, MAX_UNITS, Placement, Problem, ScenarioFiles, formation};
+use smaclite_units::file::{MAX_SCENARIO_BYTES, MAX_UNIT_BYTES};
 use smaclite_units::{Keyword, UnitType};
 use smaclite_view::page::types_info;
 use std::sync::Arc;
@@ -29,6 +30,17 @@ fn problems(files: &ScenarioFiles) -> Vec<Problem> {
             && let Err(problems) = UnitType::from_json(&unit.text, &unit.name, &file)
         {
             found.extend_from_slice(problems.list());
+        }
+    }
+    // Saved, they could not be opened again.
+    let texts =
+        files.unit_files.iter().map(|unit| (format!("{}.json", unit.name), &unit.text, MAX_UNIT_BYTES));
+    for (file, text, most) in
+        [(files.source.clone(), &files.text, MAX_SCENARIO_BYTES)].into_iter().chain(texts)
+    {
+        if text.len() as u64 > most {
+            let message = format!("the file is larger than {} KiB", most >> 10);
+            found.push(Problem { file, line: None, column: None, path: String::new(), message });
         }
     }
     found
