@@ -5,7 +5,7 @@ use crate::lane_spec::attributes;
 use pyo3::exceptions::{PyAttributeError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyType};
-use smaclite_scenarios::Scenario;
+use smaclite_scenarios::{Scenario, ScenarioFiles};
 use smaclite_units::file::did_you_mean;
 
 /// Where a name is looked for.
@@ -163,13 +163,12 @@ const ARGUMENTS: [&str; 21] = [
     "lanes",
 ];
 
-/// Keys of scenario files that are no keywords: no file is opened for a changed scenario.
-const ONLY_IN_FILES: [&str; 2] = ["$schema", "custom_unit_path"];
-
 /// The keywords of `make`: its arguments, and the keys of scenario files.
 fn keywords<'a>() -> impl Iterator<Item = &'a str> {
     let keys = Scenario::keys().iter().map(|key| key.name());
-    ARGUMENTS.into_iter().chain(keys.filter(|key| !ARGUMENTS.contains(key) && !ONLY_IN_FILES.contains(key)))
+    ARGUMENTS
+        .into_iter()
+        .chain(keys.filter(|key| !ARGUMENTS.contains(key) && !ScenarioFiles::ONLY_IN_FILES.contains(key)))
 }
 
 /// What this name of another package is called in this place.

@@ -47,6 +47,9 @@ pub struct ScenarioFiles {
 }
 
 impl ScenarioFiles {
+    /// Keys that cannot be [changed](Self::with_keys), as no file is opened then.
+    pub const ONLY_IN_FILES: [&str; 2] = ["$schema", "custom_unit_path"];
+
     /// As [`Scenario::load`], with the texts that the scenario was read from.
     ///
     /// # Errors

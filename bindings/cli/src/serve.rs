@@ -223,10 +223,8 @@ fn random_seed() -> u64 {
 /// A key and its value.
 fn key_and_value(text: &str) -> Result<(String, Value), String> {
     let (key, value) = text.split_once('=').ok_or("must be KEY=JSON")?;
-    if key == "custom_unit_path" {
-        return Err(
-            "custom_unit_path is for files: unit types are the standard ones and those of the file".into()
-        );
+    if ScenarioFiles::ONLY_IN_FILES.contains(&key) {
+        return Err(format!("{key} is for files: unit types are the standard ones and those of the file"));
     }
     let value = serde_json::from_str(value).map_err(|_| {
         let name = shortened(value);
