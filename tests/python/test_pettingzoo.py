@@ -59,6 +59,22 @@ def test_actions_that_are_no_dict_are_named(env: parallel_env) -> None:
     stopping.close()
 
 
+def test_agents_that_are_missing_or_unknown_are_named(env: parallel_env) -> None:
+    """An action for an agent that there is not, as of a misspelt name, was ignored."""
+    stopping = parallel_env("2s3z", illegal_actions="stop")
+    for each in (env, stopping):
+        each.reset(seed=1)
+        state = each.state()
+        actions = dict.fromkeys(each.agents, 1)
+        refused: dict[str, dict[Any, int]] = {"missing agent_4": dict(list(actions.items())[:4])}
+        refused["contain 'agent_5', 0; agents are agent_0, agent_1"] = actions | {"agent_5": 1, 0: 1}
+        for text, given in refused.items():
+            with pytest.raises(sp.errors.InvalidRequest, match=text):
+                each.step(given)
+        assert np.array_equal(each.state(), state)
+    stopping.close()
+
+
 def test_the_dead_stay_listed_with_the_no_op_alone(env: parallel_env) -> None:
     observations, _ = env.reset(seed=1)
     died = 0

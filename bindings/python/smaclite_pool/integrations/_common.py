@@ -368,6 +368,10 @@ class SingleBattle:
             raise InvalidRequest(
                 f"actions must contain every agent, missing {', '.join(missing)}; dead agents use 0 (no-op)"
             )
+        if unknown := [agent for agent in actions if agent not in self.agents]:
+            raise InvalidRequest(
+                f"actions contain {', '.join(map(repr, unknown))}; agents are {', '.join(self.agents)}"
+            )
         return self.step([self._action(agent, actions.get(agent, 0)) for agent in self.agents])
 
     @staticmethod

@@ -157,8 +157,8 @@ class parallel_env(CopiedByArguments, ParallelEnv[str, Observation, np.int64]):
     ]:
         """Step the battle by one action per agent; dead agents use 0 (no-op).
 
-        Raises IllegalAction for an unavailable action, and InvalidRequest if an agent is missing or the
-        battle has ended; nothing is stepped then.
+        Raises IllegalAction for an unavailable action, and InvalidRequest if an agent is missing or
+        unknown, or the battle has ended; nothing is stepped then.
         """
         if self._stops and self._battle.has_begun and isinstance(actions, Mapping):
             actions = self._stopped(actions)
@@ -174,8 +174,10 @@ class parallel_env(CopiedByArguments, ParallelEnv[str, Observation, np.int64]):
 
     def _stopped(self, actions: Mapping[str, int | np.integer[Any]]) -> dict[str, Any]:
         masks = dict(zip(self.possible_agents, self._battle.last.masks, strict=True))
-        known = {agent: action for agent, action in actions.items() if agent in masks}
-        return {agent: stop_unavailable(action, masks[agent]) for agent, action in known.items()}
+        return {
+            agent: stop_unavailable(action, masks[agent]) if agent in masks else action
+            for agent, action in actions.items()
+        }
 
     def _observe(self, now: TimeStep) -> dict[str, Observation]:
         update_masks(self.action_spaces, now.masks)
