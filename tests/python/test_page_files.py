@@ -163,7 +163,7 @@ def test_a_saved_battle_is_read_by_the_program(browser: Any, tmp_path: Path) -> 
     [
         ("scenario=3m&actions=AAAA", "the link is incomplete or was changed; copy all of it"),
         ("check=00000000&scenario=3m", "the link is incomplete or was changed; copy all of it"),
-        ("nonsense", "a link has no `nonsense`"),
+        ("nonsense", "it has no `nonsense`"),
         ("scenario=3m&taken=x", "`taken` must be numbers of agents"),
     ],
 )

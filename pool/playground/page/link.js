@@ -3,6 +3,7 @@
 // is all that is needed to play the battle again, to the bit. A link that the page made begins with a
 // checksum, because chat programs cut links; one that a person wrote has none.
 
+import { misread } from "#view/address.js";
 import { isText } from "./scenario.js";
 
 /**
@@ -25,8 +26,10 @@ const KEYS = [
   "play",
   "theme",
 ];
-/** Keys that say nothing of the battle. `play` starts it at once; the last two are the editor's. */
-const NO_BATTLE = ["check", "play", "theme", "tab", "group"];
+/** What a link of the editor can have besides. */
+const KEYS_OF_EDITOR = ["tab", "group"];
+/** Keys that say nothing of the battle; `play` starts it at once. */
+const NO_BATTLE = ["check", "play", "theme", ...KEYS_OF_EDITOR];
 /** Bytes of what is decompressed, as the program takes them of replays. */
 const LONGEST = 2 ** 26;
 
@@ -90,15 +93,24 @@ function checkOf(link) {
 }
 
 /**
- * What a link says; an error if it is not whole.
+ * What a link says; an error if it is not whole, or cannot be followed.
  * @param {string} text
+ * @param {string[]} keys
  */
-export function linkParts(text) {
+function linkParts(text, keys) {
   const link = new URLSearchParams(text),
-    check = link.get("check");
+    check = link.get("check"),
+    [problem] = misread(link, keys);
   if (check !== null && check !== checkOf(link)) throw new Error(INCOMPLETE);
+  if (problem) throw new Error(problem);
   return link;
 }
+
+/**
+ * The same of a link of the editor.
+ * @param {string} text
+ */
+export const linkOfEditor = (text) => linkParts(text, [...KEYS, ...KEYS_OF_EDITOR]);
 
 /**
  * A battle as text: what stands behind `#`.
@@ -135,9 +147,7 @@ export async function scenarioOf(link) {
  * @returns {Promise<SharedBattle>}
  */
 export async function battleOf(text, defaults) {
-  const link = linkParts(text);
-  const unknown = [...link.keys()].find((key) => !KEYS.includes(key));
-  if (unknown !== undefined) throw new Error(`a link has no \`${unknown}\`; it has ${KEYS.join(", ")}`);
+  const link = linkParts(text, KEYS);
   const [actions, taken] = ["actions", "taken"].map((key) => link.get(key));
   const bytes = actions ? await unpacked(actions) : new Uint8Array();
   if (bytes.length % 2) throw new Error(INCOMPLETE);

@@ -76,10 +76,13 @@ test("a link that is cut anywhere is not played as another battle", async () => 
 });
 
 test("what a link does not have is named", async () => {
-  await assert.rejects(
-    battleOf("nonsense", defaults),
-    /a link has no `nonsense`; it has check, scenario, file/,
-  );
+  for (const [link, problem] of /** @type {const} */ ([
+    ["nonsense", /^it has no `nonsense`, but check, scenario, file/],
+    ["seed=1&seed=2", /^it must have `seed` once, got it 2 times$/],
+    ["play=yes", /^`play` must be 1 or 0, got `yes`$/],
+    ["theme=pink", /^`theme` must be dark or light, got `pink`$/],
+  ]))
+    await assert.rejects(battleOf(link, defaults), { message: problem });
   await assert.rejects(
     battleOf("scenario=3m&taken=a", defaults),
     /`taken` must be numbers of agents .*, got `a`/,

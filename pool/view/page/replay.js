@@ -27,7 +27,8 @@ class ReplayPage extends BattlePlayer {
     byId("name").textContent = info.name;
     this.listEpisodes();
     this.listen();
-    const counts = { episodes: this.data.episodes.length, units: info.units.length, speeds: SPEEDS },
+    const moments = this.data.episodes.map((episode) => episode.n_moments),
+      counts = { moments, units: info.units.length, speeds: SPEEDS },
       first = readAddress(location.hash.slice(1), counts);
     this.view.wholeMap = first.showsMap;
     byId("fit").setAttribute("aria-pressed", String(this.view.wholeMap));
