@@ -455,6 +455,8 @@ def test_the_command_line_and_its_errors(tmp_path: Path) -> None:
         (ppo, "--seed 9223372036854775807", "between 0 and 18,446,744,073,707"),
         (ppo, "--gamma nan", "between 0 and 1, got nan"),
         (ppo, "--evaluate-every -1", "between 0 and"),
+        (ppo, "--device gpu", "a device that PyTorch can use, as cpu, got 'gpu': "),
+        (value_decomposition, "--device meta", "a device that PyTorch can use"),
         (value_decomposition, "--batch 0", "between 1 and 1,000,000"),
         (value_decomposition, "--capacity 10", "at least --batch, 32, got 10"),
         (value_decomposition, "--lr 0", "between 1e-12 and 1, got 0.0"),

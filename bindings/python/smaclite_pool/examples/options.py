@@ -68,7 +68,19 @@ def parsed(parser: argparse.ArgumentParser, options: Any) -> dict[str, Any]:
             if not is_list or any(not 2 <= int(width) <= 4096 for width in value.split(",")):
                 flag = _flag(each.name)
                 parser.error(f"{flag} must be numbers from 2 to 4096, with commas, as 64,64, got {value!r}")
+        if each.name == "device":
+            _check_device(parser, value)
     return given
+
+
+def _check_device(parser: argparse.ArgumentParser, device: str) -> None:
+    import torch
+
+    try:
+        torch.empty(1, device=device).item()
+    except (RuntimeError, AssertionError, NotImplementedError) as error:
+        reason = str(error).splitlines()[0]
+        parser.error(f"--device must be a device that PyTorch can use, as cpu, got {device!r}: {reason}")
 
 
 def write_options(folder: Path, options: Any, **more: Any) -> None:
