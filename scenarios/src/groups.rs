@@ -65,6 +65,22 @@ impl<'a> Roster<'a> {
         self.units.iter().filter(|unit| unit.faction == faction).count()
     }
 
+    /// Numbers the units as drawers do: agents by the name of their type, then enemies in their order.
+    pub(crate) fn number_as_drawn(&mut self) {
+        let Roster { units, unit_types, .. } = self;
+        let name = |unit: &Placement| match unit.faction {
+            Faction::Ally => Some(unit_types[unit.unit_type].name.as_str()),
+            Faction::Enemy => None,
+        };
+        units.sort_by_key(|unit| (unit.faction == Faction::Enemy, name(unit)));
+        let mut counts = [0; 2];
+        for unit in units {
+            let count = &mut counts[unit.faction as usize];
+            unit.id_in_faction = *count;
+            *count += 1;
+        }
+    }
+
     /// Checks that no type sees more obstacles than a battle can handle in reasonable time.
     pub(crate) fn check_sight(&self, map: &Terrain) -> Result<(), Reported> {
         let range = |unit_type: &UnitType| unit_type.speed + unit_type.radius();

@@ -5,6 +5,7 @@ use crate::generation::lists_of;
 use crate::groups::with_article;
 use crate::keys::{self, GROUP_KEYS};
 use crate::{Faction, Placement, Scenario, ScenarioFiles, Terrain};
+use serde_json::Value;
 use smaclite_units::file::{Document, Node, Report};
 use smaclite_units::{Plane, Problem};
 use std::collections::BTreeSet;
@@ -33,7 +34,7 @@ impl ScenarioFiles {
         if let Ok(document) = Document::parse(&self.text, &self.source, &report) {
             for (key, node) in document.root().entries().unwrap_or_default() {
                 match key {
-                    _ if key == keys::GROUPS.name => warn(&scenario, &node),
+                    _ if key == keys::GROUPS.name => warn(&scenario, &self.units_of_groups(&scenario), &node),
                     _ if key == keys::TEAMS.name => warn_of_teams(&scenario, &node),
                     _ => {}
                 }
@@ -44,9 +45,20 @@ impl ScenarioFiles {
     }
 }
 
-/// Adds the warnings to the report of `groups`, the groups of a valid scenario.
-fn warn(scenario: &Scenario, groups: &Node) {
-    let mut rest = &scenario.units[..];
+impl ScenarioFiles {
+    /// The units in the order of the groups, which is not that of a scenario whose start positions are drawn.
+    fn units_of_groups(&self, scenario: &Scenario) -> Vec<Placement> {
+        if scenario.generation.is_none() {
+            return scenario.units.clone();
+        }
+        let fixed = self.with_keys([(keys::START_POSITIONS.name.to_owned(), Value::Null)]).scenario();
+        fixed.map_or_else(|_| Vec::new(), |fixed| fixed.units)
+    }
+}
+
+/// Adds the warnings to the report of `groups`, the groups of a valid scenario with these units.
+fn warn(scenario: &Scenario, units: &[Placement], groups: &Node) {
+    let mut rest = units;
     let enemies = || {
         let units = scenario.units.iter().filter(|unit| unit.faction == Faction::Enemy);
         units.map(|unit| unit.unit_type)

@@ -395,6 +395,10 @@ fn what_is_probably_a_mistake_is_a_warning() {
     let no_target =
         "`groups[0].units.ZEALOT` can attack none of the enemies: its `valid_targets` lack their planes";
     check(&[("num_allied_units", "2"), ("groups", &helpless), one], &[no_target]);
+    // Where starts are drawn, the units of the scenario have another order than those of the file.
+    let other_order = groups(r#""x":9,"y":16 "ZEALOT":1,"MARINE":1"#, r#""x":23,"y":16 "MEDIVAC":1"#);
+    let starts = ("start_positions", r#"{"distribution": "surrounded"}"#);
+    check(&[("num_allied_units", "2"), ("groups", &other_order), starts, one], &[no_target]);
 }
 
 /// Only agents of groups were looked at.

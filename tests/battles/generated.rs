@@ -2,12 +2,13 @@
 
 use std::sync::Arc;
 
+use serde_json::json;
 use smaclite_engine::policy::Random;
 use smaclite_engine::{
     Arena, Battle, FeatureBlock, RecordLayout, RecordSizes, Rules, Scratch, Snapshot, Step, action,
     feature_bounds, obs_features, policy, state_features,
 };
-use smaclite_scenarios::{Capability, EnemyMask, Scenario, Smacv2};
+use smaclite_scenarios::{Capability, EnemyMask, Faction, Scenario, ScenarioFiles, Smacv2};
 
 /// A generated scenario with changed options.
 fn arena(scenario: &str, change: impl FnOnce(&mut Smacv2)) -> Arc<Arena> {
@@ -86,6 +87,54 @@ fn battles_continue_from_records_with_the_same_bits() {
             assert_eq!(play(&mut other, 80), play(&mut battle, 80), "{name}");
         }
     }
+}
+
+/// Where enemies stood in groups before those of the agents, agents had the units and the places of enemies;
+/// and the scenario had its agents in another order than the battle.
+#[test]
+fn whatever_the_order_of_groups_agents_have_their_units_where_starts_are_drawn() {
+    let starts = json!({"distribution": "uniform", "allies": [0, 0, 0.4, 1], "enemies": [0.6, 0, 1, 1]});
+    let mut types_are_reordered = false;
+    for name in Scenario::standard_names() {
+        let (fixed, files) = ScenarioFiles::resolve(name).expect("a standard scenario");
+        let [width, height] = [fixed.terrain.width(), fixed.terrain.height()].map(f64::from);
+        let mut starts = starts.clone();
+        for side in ["allies", "enemies"] {
+            for (share, length) in
+                starts[side].as_array_mut().unwrap().iter_mut().zip([width, height].repeat(2))
+            {
+                *share = (share.as_f64().unwrap() * length).floor().into();
+            }
+        }
+        let Ok(scenario) = files.with_keys([("start_positions".to_owned(), starts)]).scenario() else {
+            continue; // no room
+        };
+        let types_of = |scenario: &Scenario, side| {
+            let units = scenario.units.iter().filter(move |unit| unit.faction == side);
+            units.map(|unit| scenario.unit_types[unit.unit_type].name.clone()).collect::<Vec<_>>()
+        };
+        for side in [Faction::Ally, Faction::Enemy] {
+            let [mut given, mut drawn] = [&fixed, &scenario].map(|scenario| types_of(scenario, side));
+            types_are_reordered |= given != drawn;
+            given.sort();
+            drawn.sort();
+            assert_eq!(given, drawn, "{name}");
+        }
+        let mut battle = Battle::new(Arc::new(Arena::new(&scenario, Rules::Smaclite)), 1);
+        for _ in 0..3 {
+            battle.reset();
+            let types = scenario.units.iter().map(|unit| unit.unit_type);
+            assert!(battle.types().eq(types), "{name}: the types of the scenario by battle-wide id");
+            let mut level = vec![0.0; battle.arena().level_size()];
+            battle.write_level(&mut level);
+            let (agents, enemies) = level.as_chunks::<5>().0.split_at(scenario.n_agents());
+            // A unit without room may have to go beyond the middle.
+            let mean = |rows: &[[f32; 5]]| rows.iter().map(|row| row[1]).sum::<f32>() / rows.len() as f32;
+            let middle = width as f32 / 2.0;
+            assert!(mean(agents) < middle && middle < mean(enemies), "{name}: {agents:?}, {enemies:?}");
+        }
+    }
+    assert!(types_are_reordered, "some map has its agents in another order");
 }
 
 #[test]

@@ -17,8 +17,12 @@ pub(crate) fn read_generated<'a>(
     let starts = file.get(&crate::keys::START_POSITIONS).map(|node| read_starts(&node, map)).transpose();
     let Some(node) = file.get(&crate::keys::TEAMS) else {
         let groups = file.require(&crate::keys::GROUPS)?;
-        let roster = Roster::read(&groups, files, map)?;
-        return Ok((roster, starts?.map(|starts| Generation { teams: Teams::OfGroups, starts })));
+        let mut roster = Roster::read(&groups, files, map)?;
+        let generation = starts?.map(|starts| Generation { teams: Teams::OfGroups, starts });
+        if generation.is_some() {
+            roster.number_as_drawn();
+        }
+        return Ok((roster, generation));
     };
     if let Some(groups) = file.get(&crate::keys::GROUPS) {
         return Err(groups.wrong_key("must be left out, because `teams` says which units there are"));
