@@ -83,6 +83,22 @@ def test_rows_of_states_are_the_units_of_the_battle() -> None:
         )
 
 
+def test_units_below_their_level_of_health_are_alive_until_they_die() -> None:
+    """Their health in states is negative, and they were said to be dead."""
+    options = {"health": {"lower_bound": 0.1, "upper_bound": 0.5}}
+    with sp.make("terran_5_vs_5", 64, seed=0, smacv2=options) as envs:
+        entities = sp.extras.Entities(envs)
+        health, are_below = entities.state_features.index("health"), 0
+        envs.seed_sampler(0)
+        batch = envs.reset(seed=0)
+        for _ in range(40):
+            rows, alive = entities.state(batch)
+            assert np.array_equal(alive[:, : envs.spec.n_agents], batch.alive)
+            are_below += int((alive & (rows[..., health] <= 0)).sum())
+            batch = envs.step(envs.sample_actions())
+    assert are_below > 0
+
+
 class AppendsOne(sp.extras.Wrapper):
     """Changes observations, which rows of units do not allow."""
 

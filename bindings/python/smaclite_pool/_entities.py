@@ -112,7 +112,8 @@ class Entities:
         columns = [[self.state_features.index(name) for name in block.features] for block in self._state]
         self._check("states", batch.state, (self._state_size,))
         rows = _padded(batch.state, self._state, columns, len(self.state_features))
-        return rows, rows[..., self.state_features.index("health")] > 0
+        # Not health above 0: with SMACv2's `health` a unit below its level lives until the end of the step.
+        return rows, np.any(rows != 0, axis=-1)
 
     def _check(self, name: str, array: Floats, expected: tuple[int, ...]) -> None:
         """A batch of another scenario would be cut into rows of nonsense."""

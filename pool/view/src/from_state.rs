@@ -69,7 +69,8 @@ fn unit_moment(scenario: &Scenario, id: usize, features: UnitFeatures<'_>) -> Un
     let type_index = features.unit_type(scenario).unwrap_or(scenario.units[id].unit_type);
     let unit_type = &scenario.unit_types[type_index];
     let map = DVec2::new(f64::from(scenario.terrain.width()), f64::from(scenario.terrain.height()));
-    let alive = features.get("health") > 0.0;
+    // With SMACv2's levels of health, a unit below its own has negative health until the end of the step.
+    let alive = features.values.iter().any(|value| *value != 0.0);
     let relative = DVec2::new(features.get("rel_x"), features.get("rel_y"));
     let pos = if alive { relative * map + map / 2.0 } else { DVec2::NAN };
     let energy_or_cooldown = features.get("energy/cooldown");
@@ -79,7 +80,7 @@ fn unit_moment(scenario: &Scenario, id: usize, features: UnitFeatures<'_>) -> Un
         unit_type: type_index,
         pos: pos.as_vec2(),
         facing: 0.0,
-        hp: (features.get("health") * unit_type.hp) as f32,
+        hp: (features.get("health").max(0.0) * unit_type.hp) as f32,
         shield: (features.get("shield") * unit_type.shield) as f32,
         energy: (energy * unit_type.energy) as f32,
         cooldown: (cooldown * unit_type.cooldown) as f32,

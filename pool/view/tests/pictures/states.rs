@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use smaclite_engine::{Arena, Battle, ExecutionOrder, Rules, Scratch, policy};
-use smaclite_scenarios::{Faction, Scenario};
+use smaclite_scenarios::{Capability, Faction, Scenario};
 use smaclite_view::{Moment, Observer, Options, UnitMoment};
 
 use crate::kit::*;
@@ -105,6 +105,26 @@ fn dead_units_leave_no_marks() {
     let all_dead = Moment::from_state(&scenario, &vec![0.0; sizes.state_size]);
     let options = Options { show_sight: true, show_range: true, show_ids: true, ..Options::default() };
     assert_eq!(render(&scenario, options, &[all_dead]), render(&scenario, options, &[]));
+}
+
+/// With SMACv2's levels of health, units below theirs live until the end of the step, with negative health:
+/// pictures left them out.
+#[test]
+fn units_below_their_level_of_health_are_drawn_while_they_live() {
+    let mut scenario = Scenario::standard("terran_5_vs_5").expect("a standard scenario");
+    let health = Capability { lower_bound: 0.3, upper_bound: 0.5, observe: true };
+    scenario.smacv2.as_mut().expect("options").health = Some(health);
+    let pairs = play_states(&scenario);
+    for (of_battle, of_state) in &pairs {
+        let [expected, got] = [of_battle, of_state]
+            .map(|moment| moment.units.iter().map(|unit| unit.alive).collect::<Vec<_>>());
+        assert_eq!(got, expected);
+    }
+    let is_below = |unit: &UnitMoment| unit.alive && unit.hp == 0.0;
+    assert!(
+        pairs.iter().any(|(_, of_state)| of_state.units.iter().any(is_below)),
+        "some unit is below its level"
+    );
 }
 
 #[test]
