@@ -2,9 +2,9 @@
 //! and between machines; instructions hardly do, so changes of the engine are judged by instructions first.
 
 use smaclite_cli::bench::policy::Policy;
-use smaclite_engine::{Arena, Rules};
+use smaclite_engine::{BattleSetup, Rules};
 use smaclite_lab::{ActionTrace, AfterEpisode, TracePlayer};
-use smaclite_scenarios::{Scenario, ScenarioError};
+use smaclite_scenarios::{Scenario, ScenarioError, ScenarioFiles};
 use std::sync::Arc;
 
 /// Which battles are played.
@@ -41,7 +41,8 @@ pub(crate) fn record(
     policy: Policy,
     steps: usize,
 ) -> Result<(TracePlayer, ActionTrace), ScenarioError> {
-    let arena = Arc::new(Arena::new(&Scenario::resolve(scenario)?, rules));
+    let setup = BattleSetup { rules, ..BattleSetup::new(ScenarioFiles::resolve(scenario)?.1) };
+    let arena = Arc::new(setup.arena()?.1);
     let trace = policy.record(&arena, 1, steps, AfterEpisode::ResetAndPlay);
     Ok((TracePlayer::new(arena), trace))
 }

@@ -3,13 +3,13 @@
 
 use super::{Counts, Interrupt, MeasureError, Mode, Workload};
 use crate::process::resident_bytes;
-use smaclite_engine::{Arena, Scratch};
+use smaclite_engine::Scratch;
 use smaclite_lab::{ActionTrace, AfterEpisode, TracePlayer};
 use std::sync::Arc;
 use std::time::Instant;
 
 pub(super) fn measure(workload: &Workload, interrupt: Interrupt<'_>) -> Result<Counts, MeasureError> {
-    let arena = Arc::new(Arena::new(&workload.scenario, workload.rules));
+    let arena = workload.arena()?;
     let traces = workload.record(&arena);
     let mut scratch = Scratch::new();
     let mut players: Vec<TracePlayer> = match workload.mode {

@@ -9,11 +9,11 @@ mod pool;
 use crate::bench::policy::Policy;
 use clap::ValueEnum;
 use serde::Serialize;
-use smaclite_engine::{Arena, Rules};
+use smaclite_engine::{Arena, BattleSetup, Rules};
 use smaclite_ipc::{ClientError, ConnectError, RuntimeDirError, StartError};
 use smaclite_lab::{ActionTrace, AfterEpisode};
 use smaclite_pool::PoolOptions;
-use smaclite_scenarios::{Scenario, ScenarioError, ScenarioFiles};
+use smaclite_scenarios::{Problems, Scenario, ScenarioError, ScenarioFiles};
 use std::process::{Command, ExitStatus};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -123,6 +123,16 @@ impl Workload {
         })
     }
 
+    /// What is played.
+    fn setup(&self) -> BattleSetup {
+        BattleSetup { rules: self.rules, ..BattleSetup::new(self.files.clone()) }
+    }
+
+    /// Where it is played, against the scenario's own opponent.
+    fn arena(&self) -> Result<Arc<Arena>, MeasureError> {
+        Ok(Arc::new(self.setup().arena()?.1))
+    }
+
     /// What a pool's environments play, by environment.
     fn record(&self, arena: &Arc<Arena>) -> Vec<ActionTrace> {
         let record = |seed| self.policy.record(arena, seed, RECORDED_STEPS, AfterEpisode::Reset);
@@ -165,6 +175,8 @@ pub enum MeasureError {
         policy.name()
     )]
     NotSynchronous { policy: Policy, num_envs: usize, batch_size: usize },
+    #[error(transparent)]
+    Scenario(#[from] Problems),
     #[error(transparent)]
     RuntimeDir(#[from] RuntimeDirError),
     #[error(transparent)]

@@ -3,14 +3,13 @@
 use super::{Counts, Interrupt, MeasureError, Mode, SEED, Workload};
 use crate::bench::policy::Policy;
 use crate::process::{SecondProcess, resident_bytes};
-use smaclite_engine::{Arena, BattleSetup, TICKS_PER_STEP};
+use smaclite_engine::TICKS_PER_STEP;
 use smaclite_ipc::{
     Batch, Client, ConnectError, ControlSocketError, LaneConfig, RuntimeDir, StartError, Supervisor,
     SupervisorConfig, WaitOptions,
 };
 use smaclite_pool::fields::Field;
 use std::process::Command;
-use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 /// Far longer than a batch of a healthy pool or the start of one takes.
@@ -76,8 +75,7 @@ impl Workload {
     /// # Errors
     /// As [`Supervisor::start`].
     pub fn serve(&self, runtime_dir: &RuntimeDir, name: &str) -> Result<Supervisor, StartError> {
-        let setup = BattleSetup { rules: self.rules, ..BattleSetup::new(self.files.clone()) };
-        let mut lane = LaneConfig::new("bench", setup, self.num_envs);
+        let mut lane = LaneConfig::new("bench", self.setup(), self.num_envs);
         lane.settings.batch_size = self.batch_size;
         Supervisor::start(SupervisorConfig {
             name: name.to_owned(),
@@ -115,7 +113,7 @@ fn replay(
     client: &mut Client,
     interrupt: Interrupt<'_>,
 ) -> Result<Counts, MeasureError> {
-    let traces = workload.record(&Arc::new(Arena::new(&workload.scenario, workload.rules)));
+    let traces = workload.record(&workload.arena()?);
     let actions_of = |step| traces.iter().flat_map(|trace| trace.step(step)).copied().collect();
     let batches: Vec<Vec<i32>> = (0..super::RECORDED_STEPS).map(actions_of).collect();
     let mut play_all = || -> Result<(), MeasureError> {
