@@ -73,7 +73,8 @@ impl Spectator {
     /// Without a newer one it is the batch of the last call again, the same object.
     ///
     /// Raises:
-    ///     TooManyBatchesHeld: two batches are in use; release one and all arrays over it.
+    ///     TooManyBatchesHeld: there is a newer one, and two batches are in use; release one and all arrays
+    ///         over it.
     ///     PoolDied: the pool has ended.
     ///     Forked: this process is a forked child of the one that made the spectator.
     ///     Closed: the spectator is closed.

@@ -141,16 +141,18 @@ impl Spectator {
     /// blocks.
     ///
     /// # Errors
-    /// [`ClientError::TooManyHeld`] while two batches of this spectator exist: the lane has no memory for
-    /// more.
+    /// [`ClientError::TooManyHeld`] if two batches of this spectator exist: the lane has no memory for more.
     pub fn newer(&mut self) -> Result<Option<Batch>, ClientError> {
         let lane = self.lane.get_mut()?;
         // Every batch has a reference to the port.
-        if Arc::strong_count(&lane.frames) > MAX_HELD {
+        let is_full = Arc::strong_count(&lane.frames) > MAX_HELD;
+        if is_full && lane.frames.subscriber.has_samples().map_err(doing("looking for a frame"))? {
             return Err(ClientError::TooManyHeld { limit: MAX_HELD });
         }
         // The buffer holds one frame, so at most one is newer.
-        if let Some(sample) = lane.frames.subscriber.receive().map_err(doing("receiving a frame"))? {
+        if !is_full
+            && let Some(sample) = lane.frames.subscriber.receive().map_err(doing("receiving a frame"))?
+        {
             let frame = read_frame(sample.user_header(), sample.payload(), &lane.layout);
             let batch = || Batch::new(sample, Arc::clone(&lane.layout), Arc::clone(&lane.frames));
             return Ok((frame == Some(ReceivedFrame::Batch)).then(batch));

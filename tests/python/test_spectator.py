@@ -61,6 +61,7 @@ def test_a_spectator_of_an_embedded_pool_holds_at_most_two_batches() -> None:
         held.append(spectator.latest())
         envs.step(envs.sample_actions())
         held.append(spectator.latest())
+        assert spectator.latest() is held[1], "there is nothing newer, so nothing that it could not hold"
         for _ in range(10):
             envs.step(envs.sample_actions())  # the learner does not notice
         with pytest.raises(sp.errors.TooManyBatchesHeld, match="all 2 batches"):
