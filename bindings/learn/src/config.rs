@@ -168,7 +168,8 @@ impl Config {
     /// If there is none, or if there are several, and the networks or the evaluations are those of one; or if
     /// a map would have no environment.
     pub fn check_maps(&self, count: usize) -> Result<(), ConfigError> {
-        ensure((1..=self.num_envs).contains(&count), "maps", "between 1 and num_envs", &count)?;
+        ensure(count <= self.num_envs, "num_envs", "at least the number of maps", &self.num_envs)?;
+        ensure(count > 0, "maps", "at least one", &count)?;
         let weights = &self.map_weights;
         let are_valid = weights.iter().all(|weight| *weight > 0.0 && weight.is_finite());
         let accepted = "one number above 0 per map";

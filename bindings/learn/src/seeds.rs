@@ -8,11 +8,11 @@ mod error;
 mod together;
 
 use crate::config::Config;
-use crate::description::{RunDescription, holds_run};
+use crate::description::RunDescription;
 use crate::evaluations::EvaluationRow;
 use crate::lanes::Lanes;
 use crate::run::Run;
-use crate::run_folders::{runs_in, seed_folder};
+use crate::run_folders::{held_run, runs_in, seed_folder};
 use crate::training::{Record, TrainError};
 pub use error::SeedsError;
 use smaclite_engine::BattleSetup;
@@ -79,8 +79,8 @@ impl Seeds {
     /// Begins `count` runs in a folder, with the seeds from that of `config` on. They make no update yet.
     ///
     /// # Errors
-    /// As [`Run::begin`]; the runs before the one that failed have begun, and [`complete`](Seeds::complete)
-    /// begins the others.
+    /// If the folder has runs, and as [`Run::begin`]; the runs before the one that failed have begun, and
+    /// [`complete`](Seeds::complete) begins the others.
     pub fn begin(
         folder: &Path,
         config: &Config,
@@ -91,13 +91,13 @@ impl Seeds {
         check_seeds(config.seed, count)?;
         let seeds = (0..count).map(|i| config.seed + i);
         let runs: Vec<_> = seeds.map(|seed| (seed, seed_folder(folder, seed))).collect();
-        if holds_run(folder)? {
-            return Err(TrainError::FolderInUse(folder.display().to_string()).into());
-        }
-        for (_, path) in &runs {
-            if holds_run(path)? {
-                return Err(SeedsError::InUse { run: path.clone(), folder: folder.to_owned() });
+        // Also one with another seed: with other options, these would be no runs of one algorithm.
+        match held_run(folder)? {
+            None => {}
+            Some(run) if run == folder => {
+                return Err(TrainError::FolderInUse(folder.display().to_string()).into());
             }
+            Some(run) => return Err(SeedsError::InUse { run, folder: folder.to_owned() }),
         }
         for (i, (seed, path)) in runs.iter().enumerate() {
             let config = Config { seed: *seed, ..config.clone() };

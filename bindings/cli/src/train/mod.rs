@@ -42,9 +42,9 @@ pub(super) struct Train {
         add = completions::scenario())]
     map: Option<String>,
     /// Train one team on several maps at once: their names or files, separated by commas; `all` are those of
-    /// SMAC, `generated` those with drawn teams. Its networks are `universal`, its critic sees the state, and
-    /// the environments, at least 8 per map by default, are divided among them, equally or by weights, as in
-    /// `all,protoss_5_vs_5=2`
+    /// SMAC, `generated` those with drawn teams. Its networks are `universal`, its critic sees the state
+    /// unless --algorithm is ippo, and the environments, at least 8 per map by default, are divided among
+    /// them, equally or by weights, as in `all,protoss_5_vs_5=2`
     #[arg(long, value_name = "MAP[=WEIGHT],...", value_delimiter = ',', add = completions::scenario(),
         conflicts_with_all = ["map", "pool", "resume", "opponent", "seeds", "evaluate_every"])]
     maps: Option<Vec<String>>,

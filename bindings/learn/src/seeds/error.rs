@@ -13,7 +13,8 @@ pub enum SeedsError {
     #[error(transparent)]
     Train(#[from] TrainError),
     #[error(
-        "`{}` already holds a run; continue the runs in `{}` with --resume, or choose another folder",
+        "`{}` already holds a run; continue the runs in `{}` with --resume, also with more --seeds, or \
+         choose another folder",
         run.display(), folder.display()
     )]
     InUse { run: PathBuf, folder: PathBuf },

@@ -55,8 +55,12 @@ fn an_error_of_one_seed_does_not_end_the_others() {
         results.iter().filter(|(_, result)| result.is_err()).map(|(seed, _)| *seed).collect();
     assert_eq!(failed, [4]);
     assert!(matches!(results[1].1, Err(TrainError::File(_))), "{results:?}");
-    let again = Seeds::begin(&folder, &small(), 3, &scenario(), &place.runtime_dir);
-    assert!(again.err().unwrap().to_string().contains("already holds a run"));
+    // Also with other seeds: they began, with any options, and from then on nothing continued the folder.
+    for seed in [3, 6] {
+        let config = Config { seed, ..small() };
+        let again = Seeds::begin(&folder, &config, 3, &scenario(), &place.runtime_dir);
+        assert!(again.err().unwrap().to_string().contains("seed-3` already holds a run"));
+    }
 }
 
 /// When the sixth of ten runs could not begin, five were trained from then on, and nothing said so.
