@@ -101,6 +101,8 @@ def main(argv: list[str] | None = None) -> int:
     options = parser.parse_args(argv)
     try:
         team = sp.load_team(options.team, seed=options.seed)
+        if team.scenario is None:
+            raise sp.errors.InvalidRequest(f"{options.team} plays no standard scenario as it is")
         with sp.make(team.scenario, options.battles, **{**team.settings, "fields": FIELDS}) as envs:
             battles = record(envs, envs.reset(seed=options.seed), team)
             recording = {"map": team.scenario, "version": envs.spec.rules, "battles": battles}

@@ -13,7 +13,8 @@ use std::path::{Path, PathBuf};
 /// What Python needs of a run besides its configuration.
 #[derive(serde::Serialize)]
 struct Description<'a> {
-    scenario: &'a str,
+    name: &'a str,
+    scenario: Option<&'a str>,
     rules: Rules,
     episode_limit: EpisodeLimit,
     opponent: &'a Opponents,
@@ -28,11 +29,12 @@ struct Layouts<'a> {
     targets: &'a TargetLayout,
 }
 
-/// The run in a folder, or a team of the zoo as `zoo:3m`: a dict of `config`, `scenario`, `rules`,
-/// `episode_limit`, `opponent`, `obs_shape` (n_agents and obs_size), `units` (for a network over units, where
-/// observations and actions have which unit; else None), and `tensors`, float32 arrays by name. `weights` are
-/// "best" or "last"; None for those that the program takes. `map` is the name or file of the scenario that it
-/// is to play instead of its own, for networks that fit every scenario. With `enemies` it is to play those.
+/// The run in a folder, or a team of the zoo as `zoo:3m`: a dict of `config`, `name` (of the scenario),
+/// `scenario` (the same if it is a standard one, else None), `rules`, `episode_limit`, `opponent`,
+/// `obs_shape` (n_agents and obs_size), `units` (for a network over units, where observations and actions
+/// have which unit; else None), and `tensors`, float32 arrays by name. `weights` are "best" or "last"; None
+/// for those that the program takes. `map` is the name or file of the scenario that it is to play instead of
+/// its own, for networks that fit every scenario. With `enemies` it is to play those.
 ///
 /// Raises:
 ///     InvalidRequest: there is no such team, its files are damaged, or it does not play that map or its
@@ -62,7 +64,8 @@ pub fn read_team<'py>(
     let run = team.run();
     let BattleSetup { rules, episode_limit, opponents, .. } = with_an_end(run.setup.clone());
     let described = Description {
-        scenario: &run.name,
+        name: &run.name,
+        scenario: run.setup.files.is_standard().then_some(&run.name),
         rules,
         episode_limit,
         opponent: &opponents,

@@ -471,6 +471,29 @@ def test_a_team_that_knows_units_plays_no_enemies_that_are_others() -> None:
     assert sp.load_team("all-maps", map="2s3z", side="enemies").scenario == "2s3z"
 
 
+def test_a_team_of_changed_battles_names_no_standard_scenario(tmp_path: Path) -> None:
+    """`make(team.scenario)` played the standard scenario of that name: 5 % of battles won instead of 82."""
+    file = tmp_path / "3m.json"
+    groups = [
+        {"x": x, "y": 16, "faction": faction, "units": {"MARINE": 3}}
+        for x, faction in ((9, "ALLY"), (15, "ENEMY"))
+    ]
+    text: dict[str, Any] = {
+        "name": "3m",
+        "num_allied_units": 3,
+        "num_enemy_units": 3,
+        "groups": groups,
+        "attack_point": [9, 16],
+    }
+    text |= {"terrain_preset": "SIMPLE", "num_unit_types": 0}
+    file.write_text(json.dumps(text | {"ally_has_shields": False, "enemy_has_shields": False}))
+    small: dict[str, Any] = {"num_envs": 4, "horizon": 8, "minibatches": 1, "hidden": [8, 8], "threads": 1}
+    for scenario, expected in ((str(file), None), ("3m", "3m")):
+        folder = tmp_path / f"run-{expected}"
+        team = sp.train(scenario, folder, steps=64, **small)
+        assert (team.name, team.scenario) == ("3m", expected)
+
+
 def test_a_run_whose_pool_had_no_episode_limit_plays_episodes_that_end(folder: Path, tmp_path: Path) -> None:
     """Some commands played it, and others said that it must have a limit, which nothing could give it."""
     run = shutil.copytree(folder, tmp_path / "run")

@@ -89,8 +89,11 @@ class Team:
         # Another one per side: two teams with one seed would have the same noise, and so play alike.
         self._random = np.random.default_rng(self.seed if side == "allies" else [self.seed, 1])
         run = read_team(self.folder, weights, map, enemies=side == "enemies")
-        self.scenario: str = run["scenario"]
+        self.name: str = run["name"]
         """The name of the scenario that it plays: that of its training, or `map`."""
+        self.scenario: str | None = run["scenario"]
+        """The same, for `make`, if it is a standard scenario as it is; None if it plays a file, or a scenario
+        with changed keys: then `make` must be given the same."""
         self.config: dict[str, Any] = run["config"]
         """The hyperparameters."""
         self.settings: dict[str, Any] = {
@@ -127,13 +130,13 @@ class Team:
         expected = self._obs_shape
         if obs.shape[1:] != expected:
             why = (
-                "a team plays the enemies of a scenario whose two sides have equal sizes"
+                "a team plays the enemies of a scenario whose two sides have equal sizes; make environments"
                 if self.side == "enemies"
-                else "make environments of its scenario with `**team.settings`"
+                else "make environments of its scenario"
             )
             raise InvalidRequest(
-                f"the team of {self.scenario} has observations [M, {expected[0]}, {expected[1]}], got "
-                f"{list(obs.shape)}: {why}"
+                f"the team of {self.name} has observations [M, {expected[0]}, {expected[1]}], got "
+                f"{list(obs.shape)}: {why} with `**team.settings`"
             )
         return self._network(obs)
 
