@@ -7,6 +7,7 @@ use crate::check::warn_of;
 use crate::number::{count, seed};
 use crate::opponent::scripts;
 use crate::process::interrupt_flag;
+use crate::replay::{check_file_of, check_folder_of};
 use crate::table::Table;
 use crate::usage::file_ending_in;
 use clap::{Args, Subcommand, ValueEnum};
@@ -170,6 +171,7 @@ impl Record {
             greedy: self.greedy,
             threads: self.threads.unwrap_or(PoolOptions::default().threads),
         };
+        check_file_of("--out", &self.out)?;
         let dataset = Dataset::record(&recording, &mut || interrupted.load(Ordering::Relaxed))?;
         dataset.write(&self.out)?;
         print_card(&dataset, &self.out)
@@ -224,6 +226,7 @@ impl Show {
 
 impl Expand {
     fn run(self) -> CommandResult {
+        check_folder_of("--out", &self.out)?;
         let dataset = Dataset::read(&self.file)?;
         let arrays = match self.fields.as_slice() {
             [] => ArrayName::ALL.to_vec(),

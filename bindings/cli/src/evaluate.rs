@@ -91,7 +91,7 @@ impl Evaluate {
             Evaluation { episodes, seed, weights, greedy, threads, opponents, opponent_team, map };
         let mut recording = match &self.record {
             Some(file) => {
-                replay::check_folder_of("--record", file)?;
+                replay::check_file_of("--record", file)?;
                 Some(Recording::new(&self.folder, &evaluation)?)
             }
             None => None,

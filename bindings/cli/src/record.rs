@@ -78,7 +78,7 @@ type WhyEarly = Option<Box<dyn Error>>;
 
 impl Record {
     pub(super) fn run(self) -> CommandResult {
-        replay::check_folder_of("--out", &self.out)?;
+        replay::check_file_of("--out", &self.out)?;
         let (recorded, why_early) = match &self.pool {
             Some(pool) => self.follow(pool)?,
             None => (self.play()?, None),

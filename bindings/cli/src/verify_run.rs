@@ -20,7 +20,7 @@ Examples:
   smaclite-pool verify-run runs/ten --evaluations all
 
 The weights and the seeds of every evaluation are in the folder of a run, so its numbers can be checked \
-to the last bit on a CPU with the same vector instructions (docs/how-to/evaluation.md). Exit status 1 if \
+to the last bit on a CPU with the same vector instructions (docs/how-to/benchmark.md). Exit status 1 if \
 one differs.")]
 pub(super) struct VerifyRun {
     /// Folders of runs of `smaclite-pool train --evaluate-every`, or of its --seeds

@@ -24,7 +24,7 @@ pub use node::{Document, Node, Object, Scalar};
 pub use problem::{Problem, Problems, Report, Reported};
 pub use shown::{printable_text, shortened, shown_path, shown_reason, without_os_errors};
 #[cfg(not(target_family = "wasm"))]
-pub use write::{partial_file, write_new, write_whole};
+pub use write::{check_writable, partial_file, write_new, write_whole};
 
 use std::io::Read;
 use std::path::Path;

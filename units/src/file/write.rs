@@ -31,6 +31,20 @@ pub fn write_whole<E: From<io::Error>>(
     Ok(())
 }
 
+/// Checks that [`write_whole`] can begin this file, before work that takes long: makes a file beside it, and
+/// removes it.
+///
+/// # Errors
+/// Those of the system, and if it is a folder.
+pub fn check_writable(path: &Path) -> io::Result<()> {
+    let path = path.canonicalize().unwrap_or_else(|_| path.to_owned());
+    match path.metadata() {
+        Ok(old) if old.is_dir() => Err(io::ErrorKind::IsADirectory.into()),
+        Ok(old) if !old.is_file() => Ok(()),
+        _ => partial_file(&path, "").map(drop),
+    }
+}
+
 /// As [`write_whole`], of a file that must not exist yet: there is no moment at which it is empty or half.
 ///
 /// # Errors

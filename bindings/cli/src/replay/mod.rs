@@ -9,6 +9,7 @@ use clap::builder::{PathBufValueParser, TypedValueParser};
 use clap::{Args, ValueHint};
 use export::{Format, Target};
 use smaclite_engine::{RecordLayout, RecordSizes};
+use smaclite_units::file::check_writable;
 use smaclite_view::{Episode, Options, Replay as ReplayFile, View};
 use std::path::{Path, PathBuf};
 
@@ -155,6 +156,12 @@ pub(crate) fn check_folder_of(option: &str, path: &Path) -> CommandResult {
             Err(format!("{option} must be in a folder that exists; there is no `{folder}`").into())
         }
     }
+}
+
+/// Refuses a file, given by an option, that cannot be written, before battles are played for it.
+pub(crate) fn check_file_of(option: &str, path: &Path) -> CommandResult {
+    check_folder_of(option, path)?;
+    Ok(check_writable(path).map_err(|error| format!("{option} {}: {error}", path.display()))?)
 }
 
 /// Prints the episodes of a replay that was just written.

@@ -285,9 +285,29 @@ fn a_file_without_a_folder_is_refused_before_the_battles() {
         ("evaluate zoo:3m --episodes 1000000 --record none/a.smreplay", "--record"),
         ("record 3m --episodes 10000 --out none/a.smreplay", "--out"),
         ("replay a.smreplay --to none/frames", "--to"),
+        ("dataset record nearest --scenario 3m --episodes 1000000 --out none/a.smdata", "--out"),
+        ("dataset expand a.smdata --out none/arrays", "--out"),
     ] {
         let expected = format!("{option} must be in a folder that exists; there is no `none`");
         check_error(folder, command, 1, &expected);
+    }
+    for (command, option, file) in [
+        ("evaluate zoo:3m --episodes 1000000 --record", "--record", "taken.smreplay"),
+        ("record 3m --episodes 10000 --out", "--out", "taken.smreplay"),
+        ("dataset record nearest --scenario 3m --episodes 1000000 --out", "--out", "taken.smdata"),
+    ] {
+        fs::create_dir_all(folder.join(file)).expect("a folder");
+        check_error(folder, &format!("{command} {file}"), 1, &format!("{option} {file}: is a directory"));
+    }
+}
+
+/// The enemies of drawn maps attack the nearest agent, and actions were recorded against others.
+#[test]
+fn a_benchmark_plays_the_scenarios_own_opponent() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for options in ["", " --mode attached --rules starcraft", " --mode in-turn"] {
+        let bench = format!("bench protoss_5_vs_5 --policy nearest --num-envs 12 --seconds 0.01{options}");
+        output(folder.path(), &bench);
     }
 }
 
