@@ -6,15 +6,13 @@ use crate::slot::FrameMemory;
 use crate::transport::{Epoch, FrameContent, Outlet, RequestNumber, SessionId, TransportError};
 use std::collections::VecDeque;
 
-/// The right to write `count` slots of an open frame.
+/// The right to write a slot of an open frame, in a synchronous lane all of them.
 #[derive(Clone, Copy)]
 pub(crate) struct SlotClaim {
     pub(crate) memory: FrameMemory,
-    /// First claimed slot. In a synchronous lane, whose requests claim all, it is 0, and slot i is
-    /// environment i.
-    pub(crate) first: usize,
+    /// The slot. In a synchronous lane slot i is environment i instead.
+    pub(crate) slot: usize,
     frame: FrameNumber,
-    count: usize,
 }
 
 /// Counts the frames that a lane opened.
@@ -71,27 +69,28 @@ impl<O: Outlet> Frames<O> {
         self.drop_open();
     }
 
-    /// Claims `count` slots; `Ok(None)` if the session of the results is over.
-    pub(crate) fn claim(&mut self, count: usize) -> Result<Option<SlotClaim>, TransportError> {
+    /// Claims a slot, in a synchronous lane for all of its frame; `Ok(None)` if the session of the results is
+    /// over.
+    pub(crate) fn claim(&mut self) -> Result<Option<SlotClaim>, TransportError> {
         if self.epoch.is_none_or(|epoch| epoch.reset.is_none()) {
             return Ok(None);
         }
-        let room = self.open.iter().position(|f| !f.stale && f.claimed + count <= self.slots);
+        let room = self.open.iter().position(|f| !f.stale && f.claimed < self.slots);
         let index = match room {
             Some(index) => index,
             None => self.open_frame()?,
         };
         let frame = &mut self.open[index];
-        let first = frame.claimed;
-        frame.claimed += count;
-        Ok(Some(SlotClaim { memory: frame.memory, first, frame: frame.number, count }))
+        let slot = frame.claimed;
+        frame.claimed += 1;
+        Ok(Some(SlotClaim { memory: frame.memory, slot, frame: frame.number }))
     }
 
-    /// Takes claimed slots as written, and publishes the frame if they were its last. Returns whether it did.
+    /// Takes a claimed slot as written, and publishes the frame if it was its last. Returns whether it did.
     pub(crate) fn complete(&mut self, claim: SlotClaim) -> bool {
         let Some(index) = self.open.iter().position(|f| f.number == claim.frame) else { return false };
         let frame = &mut self.open[index];
-        frame.written += claim.count;
+        frame.written += 1;
         let done = if frame.stale { frame.written == frame.claimed } else { frame.written == self.slots };
         if !done {
             return false;
@@ -99,7 +98,7 @@ impl<O: Outlet> Frames<O> {
         self.open.remove(index).is_some_and(|frame| self.publish(frame))
     }
 
-    /// Takes all slots of the only open frame as written.
+    /// Takes all slots of the frame of a synchronous lane as written, of which one is open.
     pub(crate) fn complete_all(&mut self) -> bool {
         self.open.pop_front().is_some_and(|frame| self.publish(frame))
     }

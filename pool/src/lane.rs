@@ -267,7 +267,7 @@ impl<T: Transport> Lane<T> {
         }
         self.group.begin_all();
         drop(intake); // to open a frame may wait
-        let claim = self.with_frame(|frames| frames.claim(self.group.num_envs())).unwrap_or_else(|error| {
+        let claim = self.with_frame(|frames| frames.claim()).unwrap_or_else(|error| {
             self.fail(error.to_string());
             None
         });
@@ -354,8 +354,8 @@ impl<T: Transport> Lane<T> {
         let mut hosted = self.group.lock(env);
         let step = self.group.step(env, &mut hosted, scratch, &mut counts);
         drop(hosted); // the claim may wait for a frame
-        let claim = self.with_frame(|frames| frames.claim(1))?;
-        let slot = claim.map(|claim| (claim.memory, claim.first));
+        let claim = self.with_frame(|frames| frames.claim())?;
+        let slot = claim.map(|claim| (claim.memory, claim.slot));
         self.group.write(env, &mut self.group.lock(env), step, slot, scratch);
         lock(&self.stats).add(&counts);
         self.complete(env, claim);

@@ -183,6 +183,28 @@ mod tests {
         )
     }
 
+    /// Bytes of another type would be nonsense without an error.
+    #[test]
+    fn a_field_is_viewed_as_its_own_type_alone() {
+        let enemies = Some(EnemySizes { n_actions: 3, obs_size: 4, state_size: 5 });
+        let (n_agents, n_enemies, n_actions) = (2, 3, 9);
+        let sizes =
+            Sizes { n_agents, n_enemies, n_actions, obs_size: 7, state_size: 8, enemies, ..Sizes::default() };
+        let layout = Layout::new(sizes, 40, 2, FieldSet::ALL);
+        let words = vec![0_u32; layout.bytes().div_ceil(4)];
+        let frame: &[u8] = bytemuck::cast_slice(&words);
+        fn has_view<T: Element>(layout: &Layout, frame: &[u8], field: Field) -> bool {
+            std::panic::catch_unwind(|| layout.view::<T>(frame, field).is_some()).unwrap_or(false)
+        }
+        for field in layout.fields().iter() {
+            let dtype = field.spec().dtype;
+            let views =
+                [has_view::<f32>, has_view::<i32>, has_view::<u8>].map(|view| view(&layout, frame, field));
+            let is_bytes = matches!(dtype, Dtype::U8 | Dtype::Bool);
+            assert_eq!(views, [dtype == Dtype::F32, dtype == Dtype::I32, is_bytes], "{}", field.spec().name);
+        }
+    }
+
     proptest! {
         #[test]
         fn blocks_are_aligned_disjoint_and_inside(sizes in sizes(), slots in 1usize..70) {
@@ -192,6 +214,8 @@ mod tests {
                 let start = layout.offset(field).unwrap();
                 prop_assert_eq!(start % BLOCK_ALIGN, 0);
                 prop_assert!(start >= end, "{} overlaps its predecessor", field.spec().name);
+                let [first, row @ ..] = &layout.shape(field)[..] else { panic!("a shape without slots") };
+                prop_assert_eq!((*first, row.iter().product::<usize>()), (slots, layout.row_len(field)));
                 end = start + layout.row_len(field) * slots * field.spec().dtype.size();
             }
             prop_assert!(end <= layout.bytes());

@@ -52,10 +52,6 @@ impl EnvGroup {
         }
     }
 
-    pub(crate) fn num_envs(&self) -> usize {
-        self.num_envs
-    }
-
     /// A request is for all environments, and slot `i` of its only frame is environment `i`.
     pub(crate) fn is_synchronous(&self) -> bool {
         self.layout.slots() == self.num_envs
