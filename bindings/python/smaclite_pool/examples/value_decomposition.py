@@ -72,7 +72,7 @@ class Options:
     capacity: int = option(2000, "episodes that are kept", within=COUNT)
     batch: int = option(32, "episodes per gradient step", within=COUNT)
     # Gradient steps are most of the cost: a smaller number needs fewer environment steps, and more time.
-    episodes_per_update: int = option(16, "finished episodes per gradient step", within=COUNT)
+    episodes_per_update: int = option(4, "finished episodes per gradient step", within=COUNT)
     network: str = option(
         "flat", "flat, or over units: the same for all enemies and all allies", ["flat", "units"]
     )
