@@ -43,9 +43,7 @@ impl ScenarioFiles {
         let found = report.finish(Ok(())).err();
         found.map_or_else(Vec::new, |found| self.placed(found).list().to_vec())
     }
-}
 
-impl ScenarioFiles {
     /// The units in the order of the groups, which is not that of a scenario whose start positions are drawn.
     fn units_of_groups(&self, scenario: &Scenario) -> Vec<Placement> {
         if scenario.generation.is_none() {
