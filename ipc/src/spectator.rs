@@ -141,7 +141,8 @@ impl Spectator {
     /// blocks.
     ///
     /// # Errors
-    /// [`ClientError::TooManyHeld`] if two batches of this spectator exist: the lane has no memory for more.
+    /// [`ClientError::TooManyHeld`] if there is one, and two batches of this spectator exist: the lane has no
+    /// memory for more.
     pub fn newer(&mut self) -> Result<Option<Batch>, ClientError> {
         let lane = self.lane.get_mut()?;
         // Every batch has a reference to the port.
