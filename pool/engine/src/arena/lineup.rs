@@ -35,7 +35,7 @@ impl Arena {
         self.max_rewards = [self.greatest_return(&self.enemies), self.greatest_return(&self.agents)];
     }
 
-    /// Takes over the units that were drawn, allies first.
+    /// Takes over the units that were drawn, allies first: so a scenario whose units are drawn numbers them.
     pub(crate) fn set_drawn(&mut self, drawn: impl Iterator<Item = Drawn> + Clone) {
         refill(&mut self.starts, drawn.clone().map(|unit| Vec2::from(unit.position.map(|x| x as f32))));
         self.set_types(drawn.map(|unit| unit.unit_type as u32));
