@@ -224,7 +224,7 @@ fn random_seed() -> u64 {
 fn key_and_value(text: &str) -> Result<(String, Value), String> {
     let (key, value) = text.split_once('=').ok_or("must be KEY=JSON")?;
     if ScenarioFiles::ONLY_IN_FILES.contains(&key) {
-        return Err(format!("{key} is for files: unit types are the standard ones and those of the file"));
+        return Err(format!("{key} is for files, and --set opens none"));
     }
     let value = serde_json::from_str(value).map_err(|_| {
         let name = shortened(value);
