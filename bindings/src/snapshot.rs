@@ -64,8 +64,9 @@ pub fn snapshot_columns<'py>(snapshot: &Bound<'py, PyAny>) -> PyResult<Bound<'py
 
 /// Make a snapshot of columns, which may have been edited, and check it.
 ///
-/// Where units were killed or revived (`alive`), the order of equally near neighbours begins anew. Column
-/// `checksum` is computed.
+/// Where units were killed or revived (`alive`), or got a type of another plane, the order of equally near
+/// neighbours begins anew. By the rules `starcraft`, units that are not alive lose what `hp` they have.
+/// Column `checksum` is computed.
 ///
 /// Args:
 ///     columns: a dict as `snapshot_columns` returns it.
@@ -190,7 +191,14 @@ fn column_bytes<'py>(
     if given != shape {
         return Err(invalid_request(format!("column `{name}` must have shape {shape:?}, got {given:?}")));
     }
-    let array = numpy.call_method1("ascontiguousarray", (value, dtype))?;
+    let array = numpy.call_method1("ascontiguousarray", (&value, dtype))?;
+    // Integers that do not fit become others; floats only lose digits, or are infinite, which is refused.
+    let is_integer = array.getattr("dtype")?.getattr("kind")?.extract::<String>()? != "f";
+    let equal = numpy.call_method1("array_equal", (array.call_method1("reshape", (shape,))?, &value))?;
+    if is_integer && !equal.extract::<bool>()? {
+        let message = format!("column `{name}` must fit into {dtype}, got {}", shortened(&value.to_string()));
+        return Err(invalid_request(message));
+    }
     let bytes = array.call_method1("reshape", (-1,))?.call_method1("view", ("uint8",))?;
     Ok(bytes.cast_into::<PyArray1<u8>>().map_err(PyErr::from)?.try_readonly()?)
 }

@@ -176,6 +176,18 @@ pub enum SnapshotError {
         /// Number of units.
         n_units: usize,
     },
+    /// A unit attacks its own side, or heals the other one.
+    #[error("snapshot column '{column}' must be a unit of {side} side, or -1, for unit {unit}, got {target}")]
+    TargetOfOtherSide {
+        /// The column.
+        column: &'static str,
+        /// The unit's place in the columns.
+        unit: usize,
+        /// That of its target.
+        target: usize,
+        /// Which side it attacks or heals.
+        side: &'static str,
+    },
     /// A last action that does not exist.
     #[error("snapshot column '{column}' must be below {n_actions} for {actor}, got {action}")]
     NoSuchAction {

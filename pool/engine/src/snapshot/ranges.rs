@@ -143,14 +143,25 @@ impl Snapshot {
         ]
     }
 
-    /// Checks what phases refer to.
-    fn check_phases(&self, n_units: usize, arena: &Arena) -> Result<(), SnapshotError> {
-        for (id, phase) in (0..).zip(&self.units.phases) {
-            let of = [("attack_target", phase.target), ("last_attacked", phase.last)];
-            for (column, target) in of.into_iter().chain([("hit_target", phase.hit_target)]) {
-                if let Some(target) = target.filter(|&target| target as usize >= n_units) {
-                    let (unit, target) = (arena.place(id), target.into());
+    /// Checks whom units attack or heal: a healer its own side, all others the other one.
+    fn check_targets(&self, arena: &Arena) -> Result<(), SnapshotError> {
+        let n_units = arena.sizes().n_units();
+        for (id, &own) in (0..).zip(&self.units.target) {
+            let of_phase = self.units.phases.get(id as usize).map(|phase| {
+                let AttackPhase { target, last, hit_target, .. } = *phase;
+                [("attack_target", target), ("last_attacked", last), ("hit_target", hit_target)]
+            });
+            let heals = arena.types()[self.types[id as usize] as usize].is_healer();
+            for (column, target) in [("target", own)].into_iter().chain(of_phase.into_iter().flatten()) {
+                let Some(target) = target else { continue };
+                let unit = arena.place(id);
+                if target as usize >= n_units {
+                    let target = target.into();
                     return Err(SnapshotError::NoSuchTarget { column, unit, target, n_units });
+                }
+                if (arena.faction(target) == arena.faction(id)) != heals {
+                    let (target, side) = (arena.place(target), if heals { "its own" } else { "the other" });
+                    return Err(SnapshotError::TargetOfOtherSide { column, unit, target, side });
                 }
             }
         }
@@ -159,14 +170,7 @@ impl Snapshot {
 
     fn check_references(&self, arena: &Arena) -> Result<(), SnapshotError> {
         let Sizes { n_agents, .. } = arena.sizes();
-        let n_units = arena.sizes().n_units();
-        for (id, &target) in (0..).zip(&self.units.target) {
-            if let Some(target) = target.filter(|&target| target as usize >= n_units) {
-                let (column, unit, target) = ("target", arena.place(id), target.into());
-                return Err(SnapshotError::NoSuchTarget { column, unit, target, n_units });
-            }
-        }
-        self.check_phases(n_units, arena)?;
+        self.check_targets(arena)?;
         // Targets may be dead: phase 1 drops them. The neighbour order must contain living units only, since
         // collision avoidance trusts it.
         if let Some(plane) = self.neighbour_order.invalid_plane(arena, &self.types, &self.units) {

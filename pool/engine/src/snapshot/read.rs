@@ -9,6 +9,7 @@ use crate::command::action;
 use crate::neighbour_order::NeighbourOrder;
 use crate::opponents::Opponent;
 use crate::random::{Generator, StreamPosition};
+use crate::rules::Rules;
 use crate::sides::Actor;
 use crate::sizes::Sizes;
 use crate::units::AttackPhase;
@@ -16,7 +17,8 @@ use smaclite_scenarios::Faction;
 
 impl Snapshot {
     /// The snapshot of a record whose columns were edited, and the last joint actions. Where units were
-    /// killed or revived, the order of equally near neighbours begins anew.
+    /// killed or revived, or got a type of another plane, the order of equally near neighbours begins anew.
+    /// By the rules `starcraft`, where what is in flight would hit them, the dead have no health.
     ///
     /// # Errors
     /// As [`read_record`](Self::read_record).
@@ -27,8 +29,16 @@ impl Snapshot {
     ) -> Result<(Snapshot, Vec<i32>), SnapshotError> {
         let (mut snapshot, mut past_actions) = (Snapshot::default(), Vec::new());
         snapshot.read_unchecked(arena, n_past, record, &mut past_actions)?;
-        if !snapshot.neighbour_order.is_of_living(arena, &snapshot.units) {
-            snapshot.neighbour_order = NeighbourOrder::new(arena, &snapshot.types, &snapshot.units);
+        let Snapshot { units, types, neighbour_order, .. } = &mut snapshot;
+        // A type of another plane leaves a gap in the order of one plane, and is a stranger in the other.
+        let is_of_others = !neighbour_order.is_of_living(arena, units)
+            || arena.drawer().is_some() && neighbour_order.invalid_plane(arena, types, units).is_some();
+        if is_of_others {
+            *neighbour_order = NeighbourOrder::new(arena, types, units);
+        }
+        if arena.rules() == Rules::Starcraft {
+            let dead = units.hp.iter_mut().zip(&units.alive).filter(|(_, alive)| !**alive);
+            dead.for_each(|(hp, _)| *hp = 0.0);
         }
         snapshot.check(arena)?;
         Ok((snapshot, past_actions))
