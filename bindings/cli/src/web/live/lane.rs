@@ -72,9 +72,9 @@ impl WatchedLane {
         ConnectError::from(ControlError::NoSuchLane { lane: lane.to_owned(), lanes }).into()
     }
 
-    /// The supervisor's process.
-    pub(super) fn pid(&self) -> u32 {
-        self.description.pid
+    /// What tells its pool from others, also of the same name and process.
+    pub(super) fn instance(&self) -> &str {
+        &self.description.instance
     }
 
     /// Whether its pool ran when it was last read.

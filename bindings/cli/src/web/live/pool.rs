@@ -32,16 +32,25 @@ pub(super) struct WatchedPool {
 type SharedLane = Weak<Mutex<WatchedLane>>;
 
 /// The newest status.
+#[derive(Default)]
 struct Status {
     /// None before the first request.
     response: Option<Result<PoolStatus, String>>,
+    /// The pool that responded last, and how many others of the name did before.
+    instance: String,
+    pools_before: u32,
     /// By lane.
     history: HashMap<String, VecDeque<Point>>,
 }
 
-fn point(time: f64, pid: u32, lane: &LaneStatus) -> Point {
+/// What no other pool has, also one of the same name that the same process started.
+fn instance(pool: &PoolStatus) -> &str {
+    pool.lanes.first().map_or("", |lane| &lane.description.instance)
+}
+
+fn point(time: f64, pool: u32, lane: &LaneStatus) -> Point {
     let LaneStats { steps, episodes, wins, returns, lengths, .. } = lane.stats;
-    Point { time, pid, steps_per_s: lane.steps_per_s, steps, episodes, wins, returns, lengths }
+    Point { time, pool, steps_per_s: lane.steps_per_s, steps, episodes, wins, returns, lengths }
 }
 
 /// The status as a page gets it.
@@ -49,13 +58,13 @@ pub(super) struct StatusNews {
     pub(super) state: PoolState,
     /// The time of the newest point, to ask for later ones.
     pub(super) time: f64,
-    /// The supervisor's process, if it answered.
-    pub(super) pid: Option<u32>,
+    /// What tells the pool from others, if it answered.
+    pub(super) instance: Option<String>,
 }
 
 impl WatchedPool {
     pub(super) fn new(runtime_dir: RuntimeDir, name: String) -> WatchedPool {
-        let status = Mutex::new(Status { response: None, history: HashMap::new() });
+        let status = Mutex::new(Status::default());
         let (requested, lanes) = (Mutex::new(None), Mutex::new(HashMap::new()));
         WatchedPool { runtime_dir, name, begin: Instant::now(), status, requested, lanes }
     }
@@ -80,11 +89,11 @@ impl WatchedPool {
             Some(Err(error)) => PoolResponse::Error(error.clone()),
             None => PoolResponse::Error("the pool has not responded yet".to_owned()),
         };
-        let pid = match &status.response {
-            Some(Ok(pool)) => Some(pool.pid),
+        let instance = match &status.response {
+            Some(Ok(pool)) => Some(instance(pool).to_owned()),
             _ => None,
         };
-        StatusNews { state: PoolState { points, pool }, time, pid }
+        StatusNews { state: PoolState { points, pool }, time, instance }
     }
 
     /// Requests the status if it is old and no other page does so now. A pool that does not respond delays
@@ -113,7 +122,7 @@ impl WatchedPool {
         let mut entry = lock(&entry);
         if let Some(lane) = entry.upgrade()
             && lock(&lane).is_alive()
-            && lock(&lane).pid() == pool.pid
+            && lock(&lane).instance() == instance(&pool)
         {
             return Ok(lane);
         }
@@ -132,9 +141,13 @@ impl Status {
     /// Takes a status, and adds a point to the history of every lane.
     fn set(&mut self, time: f64, response: Result<PoolStatus, String>) {
         if let Ok(pool) = &response {
+            if self.instance != instance(pool) {
+                self.pools_before += u32::from(!self.instance.is_empty());
+                instance(pool).clone_into(&mut self.instance);
+            }
             for lane in &pool.lanes {
                 let points = self.history.entry(lane.description.lane.clone()).or_default();
-                points.push_back(point(time, pool.pid, lane));
+                points.push_back(point(time, self.pools_before, lane));
                 if points.len() > MAX_POINTS {
                     points.pop_front();
                 }

@@ -180,7 +180,9 @@ impl<'a> Session<'a> {
     fn send_status(&mut self) -> Result<(), Closed> {
         let news = self.pool.status(self.lane.as_deref().unwrap_or_default(), self.time);
         self.time = news.time;
-        if self.watched.as_ref().is_some_and(|lane| news.pid.is_some_and(|pid| lock(lane).pid() != pid)) {
+        if let (Some(lane), Some(instance)) = (&self.watched, &news.instance)
+            && lock(lane).instance() != instance
+        {
             (self.watched, self.follow) = (None, None); // the pool was started again
         }
         self.page.push(PageEvent::Status(news.state))

@@ -117,9 +117,9 @@ export type Point = {
  */
 time: number, 
 /**
- * The supervisor's process: counts of another one begin at 0.
+ * Which of the pools of this name it is of, one after the other: counts of another one begin at 0.
  */
-pid: number, steps_per_s: number, steps: number, episodes: number, wins: number, returns: number, lengths: number, };
+pool: number, steps_per_s: number, steps: number, episodes: number, wins: number, returns: number, lengths: number, };
 export type EpisodeInfo = { number: number, steps: number, 
 /**
  * The step of the battle with which the log of it begins.

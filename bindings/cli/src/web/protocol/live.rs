@@ -122,8 +122,8 @@ pub(crate) struct LaneState {
 pub(crate) struct Point {
     /// Seconds since this program started.
     pub(in crate::web) time: f64,
-    /// The supervisor's process: counts of another one begin at 0.
-    pub(in crate::web) pid: u32,
+    /// Which of the pools of this name it is of, one after the other: counts of another one begin at 0.
+    pub(in crate::web) pool: u32,
     pub(in crate::web) steps_per_s: f64,
     #[cfg_attr(test, ts(type = "number"))]
     pub(in crate::web) steps: u64,

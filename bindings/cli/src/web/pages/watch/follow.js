@@ -307,7 +307,7 @@ export class FollowPlayer extends BattlePlayer {
         ? "live"
         : `${seconds(this.age)} ago`;
     const first = this.known?.first_step;
-    const key = [this.number, result ?? "", age, first, entry.episodeReturn].join();
+    const key = [this.number, result ?? "", age, first, entry.episodeReturn, entry.length].join();
     if (key === this.described) return;
     this.described = key;
     byId("result").textContent = result ? RESULTS[result] : "Running";

@@ -117,10 +117,10 @@ export class LanePanel {
    */
   take(points) {
     for (const point of points) {
-      const { time, pid } = point;
+      const { time, pool } = point;
       this.points.push(point);
       // Counts of another pool begin again.
-      const first = this.points.find((other) => other.pid === pid && other.time >= time - WINDOW) ?? point;
+      const first = this.points.find((other) => other.pool === pool && other.time >= time - WINDOW) ?? point;
       for (const plot of this.plots) plot.values.push({ time, value: plot.value({ first, last: point }) });
     }
     const now = this.points.at(-1)?.time ?? 0;
