@@ -196,7 +196,10 @@ impl Held {
             return Some(target);
         }
         if field.is_seen(unit) {
-            self.seen_at = field.battle.units().pos[unit];
+            let before = std::mem::replace(&mut self.seen_at, field.battle.units().pos[unit]);
+            if before.distance(self.seen_at) > PROGRESS {
+                self.nearest = None; // of a target that moves away, an agent in full pursuit gets no nearer
+            }
             // Before a wall the agent waits until the target moves.
             let action = self.go_on(field, agent, self.seen_at).unwrap_or(action::STOP);
             self.waited %= PATIENCE;

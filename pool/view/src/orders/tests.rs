@@ -124,6 +124,21 @@ fn a_target_out_of_range_is_approached_until_its_action_is_available() {
     assert_eq!(war.order(1), Order::Target { unit: target }, "it holds until the target is dead");
 }
 
+/// It stopped at every third step of a chase, and let the target out of sight.
+#[test]
+fn a_target_that_moves_away_is_pursued_without_a_stop() {
+    let mut war = War::new("3m");
+    let target = war.enemies[0];
+    for step in 0..6 {
+        let ahead = war.position(1) + Vec2::new(8.0, 0.3); // in sight, out of range
+        war.edit(|units| units.pos[target] = ahead);
+        if step == 0 {
+            war.give(1, Order::Target { unit: target });
+        }
+        assert_eq!(war.step()[1], action::EAST as i32, "step {step}");
+    }
+}
+
 #[test]
 fn an_order_ends_with_its_target() {
     let mut war = War::new("3m");
