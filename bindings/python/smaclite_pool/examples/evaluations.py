@@ -1,4 +1,4 @@
-"""Evaluations of a learner in PyTorch while it trains, for ppo.py and value_decomposition.py.
+"""Log and evaluations of a learner in PyTorch while it trains, for ppo.py and value_decomposition.py.
 
 The files are those of `smaclite-pool train --evaluate-every`, so `smaclite-pool report` reads them
 (docs/how-to/benchmark.md): `evaluations.csv`, `evaluation_episodes.csv`, `evaluations/`,
@@ -15,6 +15,7 @@ import copy
 import csv
 import json
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -62,6 +63,47 @@ class Clock:
         yield
         self.begin = time.perf_counter() - at["seconds"]
         self.cpu_begin = time.process_time() - at["cpu_seconds"]
+
+
+class Log:
+    """`log.csv` in the folder of the run, TensorBoard's file if its package is installed, and progress."""
+
+    def __init__(self, folder: Path) -> None:
+        self.file = (folder / "log.csv").open("w", buffering=1)  # line by line
+        self.clock, self.printed = Clock(), 0.0
+        self.tensorboard: Any = None
+        try:
+            from torch.utils.tensorboard import SummaryWriter
+
+            self.tensorboard = SummaryWriter(str(folder))
+        except ImportError:
+            pass
+
+    def write(self, row: dict[str, float], speed: dict[str, float]) -> None:
+        """Adds a row, with time and processor time of the run, without evaluations."""
+        times = self.clock.read()
+        row = row | times | speed
+        if self.tensorboard is not None:
+            for name, value in row.items():
+                self.tensorboard.add_scalar(name, value, int(row["steps"]))
+        writer = csv.DictWriter(self.file, row)
+        if self.file.tell() == 0:
+            writer.writeheader()
+        writer.writerow({name: "" if value != value else value for name, value in row.items()})
+        if times["seconds"] > self.printed + 2:
+            self.printed = times["seconds"]
+            print(
+                f"{row['steps']:9,} steps, {row['steps'] / row['cpu_seconds']:7,.0f} per CPU second, "
+                f"return {row['mean_return']:5.2f}, wins {100 * row['win_rate']:5.1f} %",
+                flush=True,
+            )
+
+
+def recent(episodes: deque[tuple[float, bool, int]]) -> dict[str, float]:
+    """Means over the newest episodes."""
+    names = ("mean_return", "win_rate", "mean_length")
+    means = np.mean(episodes, axis=0) if episodes else [float("nan")] * 3
+    return {name: float(value) for name, value in zip(names, means, strict=True)}
 
 
 class Evaluations:

@@ -23,7 +23,6 @@ Axes of arrays: T steps of an episode, B episodes, N environments, A agents.
 from __future__ import annotations
 
 import copy
-import csv
 import time
 from collections import deque
 from collections.abc import Callable
@@ -38,7 +37,7 @@ import torch
 from numpy.typing import NDArray
 from safetensors.torch import save_file
 from smaclite_pool.examples import units_network
-from smaclite_pool.examples.evaluations import Clock, Evaluations
+from smaclite_pool.examples.evaluations import Clock, Evaluations, Log, recent
 from smaclite_pool.examples.options import (
     COUNT,
     SEED,
@@ -315,47 +314,6 @@ class Player:
             random = torch.from_numpy(self.envs.sample_actions()).to(self.device)
             actions = torch.where(torch.rand_like(values[..., 0]) < epsilon, random, actions)
         return actions.int().cpu().numpy()
-
-
-class Log:
-    """`log.csv` in the folder of the run, TensorBoard's file if its package is installed, and progress."""
-
-    def __init__(self, folder: Path) -> None:
-        self.file = (folder / "log.csv").open("w", buffering=1)  # line by line
-        self.clock, self.printed = Clock(), 0.0
-        self.tensorboard: Any = None
-        try:
-            from torch.utils.tensorboard import SummaryWriter
-
-            self.tensorboard = SummaryWriter(str(folder))
-        except ImportError:
-            pass
-
-    def write(self, row: dict[str, float], speed: dict[str, float]) -> None:
-        """Adds a row, with time and processor time of the run, without evaluations."""
-        times = self.clock.read()
-        row = row | times | speed
-        if self.tensorboard is not None:
-            for name, value in row.items():
-                self.tensorboard.add_scalar(name, value, int(row["steps"]))
-        writer = csv.DictWriter(self.file, row)
-        if self.file.tell() == 0:
-            writer.writeheader()
-        writer.writerow({name: "" if value != value else value for name, value in row.items()})
-        if times["seconds"] > self.printed + 2:
-            self.printed = times["seconds"]
-            print(
-                f"{row['steps']:9,} steps, {row['steps'] / row['cpu_seconds']:7,.0f} per CPU second, "
-                f"return {row['mean_return']:5.2f}, wins {100 * row['win_rate']:5.1f} %",
-                flush=True,
-            )
-
-
-def recent(episodes: deque[tuple[float, bool, int]]) -> dict[str, float]:
-    """Means over the newest episodes."""
-    names = ("mean_return", "win_rate", "mean_length")
-    means = np.mean(episodes, axis=0) if episodes else [float("nan")] * 3
-    return {name: float(value) for name, value in zip(names, means, strict=True)}
 
 
 def make(options: Options, num_envs: int) -> sp.Envs:
