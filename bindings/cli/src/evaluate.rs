@@ -33,8 +33,9 @@ pub(super) struct Evaluate {
     seed: u64,
     /// Who plays the enemies: attack_move, attack_nearest or a scripted policy; or several with weights,
     /// such as attack_move=0.5,focus_fire=0.5, of which each episode draws one; or the folder of another
-    /// run or zoo:SCENARIO, whose team plays them [default: the scripts of the training on this map,
-    /// or on an unseen one the map's own; attack_move if a team played the enemies]
+    /// run or zoo:SCENARIO, whose team plays them and draws its actions [default: the scripts of the
+    /// training on this map; on an unseen one those that the training was given, else the map's own;
+    /// attack_move if a team played the enemies]
     #[arg(long, value_name = "NAME|WEIGHTS|FOLDER")]
     opponent: Option<OpponentOption>,
     /// Which weights play: best (of the best evaluation, if the run was evaluated) or last [default: best, if

@@ -119,7 +119,8 @@ pub fn verify(
     verifier.check_steps(&all, result.as_ref())?;
     for (row, recorded) in spread(&all, evaluations) {
         let steps = row.steps;
-        verifier.check_count(&format!("the evaluation at {steps} steps"), recorded, EVALUATION_EPISODES)?;
+        let which = format!("the evaluation at {steps} steps");
+        verifier.check_count(&which, recorded, EVALUATION_EPISODES)?;
         let actor = verifier.actor(&EvaluationFiles::of(folder).weights(steps))?;
         let summaries = [row.greedy, row.sampled];
         let occasion = (Some(steps), Occasion::Training { steps });
@@ -230,8 +231,9 @@ impl<'a> Verifier<'a> {
         Ok(actor)
     }
 
-    /// All episodes are there: none was left out.
-    fn check_count(&self, which: &str, recorded: &BothEpisodes, expected: usize) -> Result<(), VerifyError> {
+    /// All episodes are there, so many on each map: none was left out.
+    fn check_count(&self, which: &str, recorded: &BothEpisodes, on_each: usize) -> Result<(), VerifyError> {
+        let expected = on_each * self.run.map_count();
         let wrong = Choice::BOTH.into_iter().zip(recorded).find(|(_, episodes)| episodes.len() != expected);
         let Some((actions, episodes)) = wrong else { return Ok(()) };
         let (folder, which) = (self.folder.display().to_string(), which.to_owned());
@@ -248,7 +250,8 @@ impl<'a> Verifier<'a> {
         interrupted: &mut dyn FnMut() -> bool,
     ) -> Result<Option<Difference>, Interrupted> {
         for ((actions, recorded), summary) in Choice::BOTH.into_iter().zip(recorded).zip(summaries) {
-            let played = self.evaluator.play(actor, occasion, actions, recorded.len(), interrupted)?;
+            let of_map = recorded.len() / self.run.map_count();
+            let played = self.evaluator.play(actor, occasion, actions, of_map, interrupted)?;
             let differs = recorded.iter().zip(&played).position(|(a, b)| !equal_bits(a, b));
             let difference = |episode, recorded: String, played: String| {
                 Ok(Some(Difference { steps, actions, episode, recorded, played }))

@@ -33,7 +33,7 @@ pub fn adapt_team(
     write_actor(&to.join(WEIGHTS), &actor)?;
     // Nothing was trained on this map, and evaluations are those of the run.
     let (evaluate_every, map_weights) = (None, Vec::new());
-    let config = Config { network: NetworkKind::Units, evaluate_every, map_weights, ..run.config };
+    let config = Config { network: NetworkKind::Units, evaluate_every, map_weights, ..run.config.clone() };
     // The description last: a folder without it is not a run.
-    Ok(write_description(to, &config, &run.setup, &[])?)
+    Ok(write_description(to, RunDescription { config, former_steps: Vec::new(), ..run })?)
 }

@@ -165,8 +165,8 @@ impl Config {
     /// Checks that a run can have so many maps.
     ///
     /// # Errors
-    /// If there is none, or if there are several, and the networks or the evaluations are those of one; or if
-    /// a map would have no environment.
+    /// If there is none, or if there are several, and the networks are those of one; or if a map would have
+    /// no environment.
     pub fn check_maps(&self, count: usize) -> Result<(), ConfigError> {
         ensure(count <= self.num_envs, "num_envs", "at least the number of maps", &self.num_envs)?;
         ensure(count > 0, "maps", "at least one", &count)?;
@@ -188,10 +188,7 @@ impl Config {
             "network",
             "`universal` with several maps",
             &format!("`{}`", self.network.name()),
-        )?;
-        let every = self.evaluate_every.filter(|_| count > 1);
-        let accepted = "left out with several maps: evaluate the team on each when the run is complete";
-        ensure(every.is_none(), "evaluate_every", accepted, &every.unwrap_or_default())
+        )
     }
 
     /// Divides the environments among so many maps, by their weights.

@@ -74,6 +74,16 @@ struct RunFile {
     /// The maps of the run but the first.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     other_maps: Vec<BattleSetup>,
+    /// The numbers of steps that the run was to make before it was resumed with others.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    former_steps: Vec<u64>,
+}
+
+impl RunFile {
+    fn of(run: RunDescription) -> RunFile {
+        let RunDescription { config, setup, other_maps, former_steps, .. } = run;
+        RunFile { version: env!("CARGO_PKG_VERSION").to_owned(), config, setup, other_maps, former_steps }
+    }
 }
 
 /// What `run.json` says.
@@ -91,6 +101,8 @@ pub struct RunDescription {
     pub(crate) inputs: Inputs,
     /// What the team was trained on besides.
     pub other_maps: Vec<BattleSetup>,
+    /// The numbers of steps by which it was trained before that of `config`.
+    pub(crate) former_steps: Vec<u64>,
 }
 
 impl RunDescription {
@@ -113,17 +125,34 @@ impl RunDescription {
         let file: RunFile = serde_json::from_slice(&read(&path)?).map_err(|error| damaged(&error))?;
         file.config.check().map_err(|error| damaged(&error))?;
         let mut run = RunDescription::new(file.config, file.setup).map_err(|error| damaged(&error))?;
-        run.other_maps = file.other_maps;
-        run.config.check_maps(1 + run.other_maps.len()).map_err(|error| damaged(&error))?;
+        (run.other_maps, run.former_steps) = (file.other_maps, file.former_steps);
+        run.config.check_maps(run.map_count()).map_err(|error| damaged(&error))?;
         run.inputs.check(&run.config).map_err(|error| damaged(&error))?;
         Ok(run)
+    }
+
+    /// The same as a text.
+    pub(crate) fn to_json(&self) -> Vec<u8> {
+        let text = serde_json::to_vec(&RunFile::of(self.clone()));
+        text.expect("all of its keys are text")
+    }
+
+    /// The run of a text of [`to_json`](Self::to_json); `None` if it is none.
+    pub(crate) fn from_json(text: &[u8]) -> Option<RunDescription> {
+        let file: RunFile = serde_json::from_slice(text).ok()?;
+        file.config.check().ok()?;
+        let mut run = RunDescription::new(file.config, file.setup).ok()?;
+        run.inputs.check(&run.config).ok()?;
+        (run.other_maps, run.former_steps) = (file.other_maps, file.former_steps);
+        Some(run)
     }
 
     pub(crate) fn new(config: Config, setup: BattleSetup) -> Result<RunDescription, Problems> {
         let (scenario, arena) = setup.arena()?;
         let sizes = sizes_with_history(arena.sizes(), config.last_actions);
         let inputs = Inputs::new(&setup.rules.figures(&scenario), sizes, config.last_actions);
-        Ok(RunDescription { config, name: scenario.name, sizes, inputs, setup, other_maps: Vec::new() })
+        let (name, other_maps, former_steps) = (scenario.name, Vec::new(), Vec::new());
+        Ok(RunDescription { config, setup, name, sizes, inputs, other_maps, former_steps })
     }
 
     /// The network of the team's policy, as files have it.
@@ -156,8 +185,7 @@ impl RunDescription {
     /// If the networks fit its own alone, or the scenario has other features than the standard maps.
     pub fn on(&self, map: BattleSetup) -> Result<RunDescription, OtherMap> {
         let scenario = map.files.scenario()?;
-        let mut trained = [&self.setup].into_iter().chain(&self.other_maps);
-        let trained = trained.find(|trained| {
+        let trained = self.setups().find(|trained| {
             trained.rules == map.rules && trained.files.scenario().is_ok_and(|other| other == scenario)
         });
         if self.config.network != NetworkKind::Universal && trained.is_none() {
@@ -169,6 +197,29 @@ impl RunDescription {
         let other = RunDescription::new(self.config.clone(), BattleSetup { opponents, ..map })?;
         other.inputs.check(&self.config)?;
         Ok(other)
+    }
+
+    /// What the team was trained on: its first map and the others.
+    pub fn setups(&self) -> impl Iterator<Item = &BattleSetup> {
+        [&self.setup].into_iter().chain(&self.other_maps)
+    }
+
+    /// How many maps that are.
+    pub fn map_count(&self) -> usize {
+        1 + self.other_maps.len()
+    }
+
+    /// The run on each of its maps, in their order.
+    ///
+    /// # Errors
+    /// If a scenario is not valid, or the networks do not know its observations.
+    pub fn on_each_map(&self) -> Result<Vec<RunDescription>, OtherMap> {
+        let one = |setup: &BattleSetup| {
+            let run = RunDescription::new(self.config.clone(), setup.clone())?;
+            run.inputs.check(&self.config)?;
+            Ok(run)
+        };
+        self.setups().map(one).collect()
     }
 
     /// The run with which its team plays the enemies of these battles: on them, if its networks fit every
@@ -189,6 +240,11 @@ impl RunDescription {
     /// What the lanes of the run play, on its first map.
     pub fn lanes_setup(&self) -> BattleSetup {
         self.config.enemies.setup(&self.setup)
+    }
+
+    /// What they play on each of its maps, in their order.
+    pub fn lanes_setups(&self) -> Vec<BattleSetup> {
+        self.setups().map(|setup| self.config.enemies.setup(setup)).collect()
     }
 }
 
@@ -335,17 +391,9 @@ pub(crate) fn copy_team(from: &Path, to: &Path) -> Result<(), FileError> {
     Ok(())
 }
 
-pub(crate) fn write_description(
-    folder: &Path,
-    config: &Config,
-    setup: &BattleSetup,
-    other_maps: &[BattleSetup],
-) -> Result<(), FileError> {
-    let version = env!("CARGO_PKG_VERSION").to_owned();
-    let (setup, other_maps) = (setup.clone(), other_maps.to_vec());
-    let file = RunFile { version, config: config.clone(), setup, other_maps };
+pub(crate) fn write_description(folder: &Path, run: RunDescription) -> Result<(), FileError> {
     let path = folder.join("run.json");
-    let text = serde_json::to_vec_pretty(&file)
+    let text = serde_json::to_vec_pretty(&RunFile::of(run))
         .map_err(|error| FileError::Write { path: path.clone(), source: error.into() })?;
     write(&path, &text)
 }

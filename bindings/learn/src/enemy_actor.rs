@@ -26,8 +26,8 @@ pub(crate) struct BothActors {
 }
 
 impl BothActors {
-    /// Chooses the actions of the agents, and of the enemies if teams play them, with the random numbers of
-    /// either.
+    /// Chooses the actions of the agents, and draws those of the enemies if teams play them, with the random
+    /// numbers of either.
     pub fn act(
         &mut self,
         teams: Teams<'_>,
@@ -45,7 +45,7 @@ impl BothActors {
             return;
         };
         let view = View::of(batch, Faction::Enemy, enemy_sizes);
-        enemies.act(teams, batch, &view, first_env, choice, of_enemies);
+        enemies.act(teams, batch, &view, first_env, of_enemies);
         let of_enemies = enemies.chosen.actions.chunks(enemy_sizes.n_agents);
         for (allies, enemies) in allies.chosen.actions.chunks(sizes.n_agents).zip(of_enemies) {
             joint.extend_from_slice(allies);
@@ -86,16 +86,8 @@ pub(crate) fn players<'a>(
 }
 
 impl EnemyActor {
-    /// Chooses an action for every enemy that a team plays; the others have no-op.
-    fn act(
-        &mut self,
-        teams: Teams<'_>,
-        batch: &Batch,
-        view: &View<'_>,
-        first_env: usize,
-        choice: Choice,
-        draw: Draw,
-    ) {
+    /// Draws an action for every enemy that a team plays; the others have no-op.
+    fn act(&mut self, teams: Teams<'_>, batch: &Batch, view: &View<'_>, first_env: usize, draw: Draw) {
         self.players.clear();
         self.players.extend(players(batch, teams.league, first_env));
         let n_rows = self.players.len() * view.sizes.n_agents;
@@ -108,7 +100,7 @@ impl EnemyActor {
             let EnemyActor { actor, obs, available, envs, chosen, .. } = self;
             let numbers = envs.iter().map(|env| first_env + env);
             let rows = Rows { sizes: view.sizes, obs, available };
-            actor.act(teams.league.actor(player, teams.own), rows, choice, draw, numbers);
+            actor.act(teams.league.actor(player, teams.own), rows, Choice::Sampled, draw, numbers);
             for (i, env) in envs.iter().enumerate() {
                 chosen.copy_env(*env, &actor.chosen, i, view.sizes.n_agents);
             }

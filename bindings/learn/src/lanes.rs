@@ -82,15 +82,27 @@ impl Lanes {
         threads: usize,
         runtime_dir: &RuntimeDir,
     ) -> Result<Lanes, LaneError> {
-        let maps = [(setup, num_envs)];
-        Ok(Lanes::start_maps(&maps, last_actions, threads, runtime_dir)?.remove(0))
+        let mut lanes = Lanes::start_each(&[(setup, num_envs)], last_actions, threads, runtime_dir)?;
+        Ok(lanes.remove(0))
     }
 
-    /// The same for a run on several maps: a pool with lanes of each, which have so many environments.
+    /// The same for a run on several maps: a pool with lanes of each, among which the environments of the
+    /// run are divided.
     ///
     /// # Errors
-    /// As [`Supervisor::start`].
+    /// As [`Supervisor::start`], and if the configuration is not one of so many maps.
     pub fn start_maps(
+        setups: &[BattleSetup],
+        config: &Config,
+        threads: usize,
+        runtime_dir: &RuntimeDir,
+    ) -> Result<Vec<Lanes>, LaneError> {
+        config.check_maps(setups.len())?;
+        let maps: Vec<_> = setups.iter().zip(config.envs_of_maps(setups.len())).collect();
+        Lanes::start_each(&maps, config.last_actions, threads, runtime_dir)
+    }
+
+    fn start_each(
         maps: &[(&BattleSetup, usize)],
         last_actions: usize,
         threads: usize,

@@ -86,7 +86,7 @@ pub use evaluate::{
 };
 pub use evaluations::{
     BothEpisodes, EVALUATION_EPISODES, EvaluationFiles, EvaluationRow, Evaluator, FINAL_EPISODES,
-    FinalResult, Occasion, Summary,
+    FinalResult, Occasion, Summary, on_map,
 };
 pub use lane_error::{LaneError, UnequalUnits};
 pub use lane_opponents::{LaneOpponents, LaneOpponentsError};
@@ -94,13 +94,13 @@ pub use lanes::Lanes;
 pub use policy::Choice;
 pub use ppo::{Diverged, UpdateStats};
 pub use rollout::Episode;
-pub use run::Run;
+pub use run::{Run, TrainEvent};
 pub use run_folders::{held_run, refuse_both, runs_in, seed_folder};
-pub use seeds::{OnSeedEvent, SeedEvent, Seeds, SeedsError, check_seeds};
+pub use seeds::{OnTrainEvent, Seeds, SeedsError, check_seeds};
 pub use setups::{resolve_scenario, with_an_end};
 pub use team::Network;
 pub use tensors::{FileError, read as read_file};
-pub use trained_team::{TeamTensor, TrainedTeam, UnfitTeam};
+pub use trained_team::{TrainedTeam, UnfitTeam};
 pub use training::{Record, SelfPlayRecord, TrainError};
 pub use zoo::{names_team, zoo_teams};
 pub use zoo_cards::{ZooCard, ZooResult, zoo_card, zoo_cards};

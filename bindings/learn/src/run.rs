@@ -30,6 +30,7 @@ use crate::tensors::{FileError, exists, remove_incomplete};
 use crate::training::{Record, TrainError, Training};
 use crate::zoo_folders;
 use smaclite_engine::BattleSetup;
+use smaclite_ipc::ClientError;
 use smaclite_units::file::os::to_lock;
 use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
@@ -40,6 +41,20 @@ const CHECKPOINT: &str = "checkpoint.safetensors";
 
 /// How often a checkpoint is written, besides at the end.
 const CHECKPOINT_INTERVAL: Duration = Duration::from_secs(60);
+
+/// What happens in a run that trains.
+#[derive(Clone, Debug)]
+pub enum TrainEvent {
+    /// It begins or continues, from the last checkpoint. The record says how far it is; what it says of an
+    /// update is 0.
+    Began(Record),
+    /// An update was made.
+    Updated(Record),
+    /// An evaluation was played.
+    Evaluated(EvaluationRow),
+    /// It has made all its steps, and its last checkpoint is written.
+    Completed,
+}
 
 /// A run that writes its logs and checkpoints to its folder.
 ///
@@ -52,7 +67,7 @@ const CHECKPOINT_INTERVAL: Duration = Duration::from_secs(60);
 /// ```
 /// use smaclite_engine::Rules;
 /// use smaclite_ipc::RuntimeDir;
-/// use smaclite_learn::{Config, Lanes, Run, resolve_scenario};
+/// use smaclite_learn::{Config, Lanes, Run, TrainEvent, resolve_scenario};
 ///
 /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
 /// # let folder = tempfile::tempdir()?;
@@ -63,10 +78,12 @@ const CHECKPOINT_INTERVAL: Duration = Duration::from_secs(60);
 /// let config = Config { steps: 64, ..small };
 /// let lanes = Lanes::start(&scenario, config.num_envs, config.last_actions, 1, &runtime_dir)?;
 /// let mut run = Run::begin(&path, config, &scenario, lanes, 1)?;
-/// while let Some(record) = run.update(&mut || false)? {
-///     println!("{} steps, {:.0} % won", record.steps, 100.0 * record.win_rate);
-/// }
-/// run.checkpoint()?;
+/// let show = |event| {
+///     if let TrainEvent::Updated(record) = event {
+///         println!("{} steps, {:.0} % won", record.steps, 100.0 * record.win_rate);
+///     }
+/// };
+/// assert!(run.train(&mut || false, &show)?);
 /// assert!(path.join("weights.safetensors").exists());
 /// # Ok(())
 /// # }
@@ -104,12 +121,10 @@ impl Run {
         lanes: Lanes,
         threads: usize,
     ) -> Result<Run, TrainError> {
-        let rival = config.enemies.folder().map(Path::to_owned);
-        Run::begin_against(folder, config, vec![(setup.clone(), lanes)], threads, rival)
+        Run::begin_on_maps(folder, config, vec![(setup.clone(), lanes)], threads)
     }
 
-    /// Begins a run on several maps at once, with [`NetworkKind::Universal`](crate::NetworkKind::Universal):
-    /// what they play, and lanes that play it, with `config.num_envs` environments together. Each update
+    /// The same on several maps at once, with [`NetworkKind::Universal`](crate::NetworkKind::Universal): what they play, and lanes that play it, with `config.num_envs` environments together. Each update
     /// learns from all of them.
     ///
     /// # Errors
@@ -121,7 +136,8 @@ impl Run {
         threads: usize,
     ) -> Result<Run, TrainError> {
         config.check_maps(maps.len())?;
-        Run::begin_against(folder, config, maps, threads, None)
+        let rival = config.enemies.folder().map(Path::to_owned);
+        Run::begin_against(folder, config, maps, threads, rival)
     }
 
     /// Begins a run beside that in the folder `other`, which has the same configuration but for its seed. If
@@ -130,12 +146,11 @@ impl Run {
         other: &Path,
         folder: &Path,
         config: Config,
-        setup: &BattleSetup,
-        lanes: Lanes,
+        maps: Vec<(BattleSetup, Lanes)>,
         threads: usize,
     ) -> Result<Run, TrainError> {
         let rival = config.enemies.folder().map(|_| other.join(OPPONENT));
-        Run::begin_against(folder, config, vec![(setup.clone(), lanes)], threads, rival)
+        Run::begin_against(folder, config, maps, threads, rival)
     }
 
     fn begin_against(
@@ -169,11 +184,12 @@ impl Run {
             copy_team(&rival, &folder.join(OPPONENT))?;
         }
         EvaluationFiles::clear(folder)?;
-        let description = RunDescription::new(training.config.clone(), setup.clone());
-        let mut run = Run::open(folder, &description.map_err(LaneError::from)?, training, threads, lock)?;
+        let description = RunDescription::new(training.config.clone(), setup).map_err(LaneError::from)?;
+        let description = RunDescription { other_maps: setups, ..description };
+        let mut run = Run::open(folder, &description, training, threads, lock)?;
         run.checkpoint()?; // so that a run that is killed in its first minute can be resumed
         // Last: a folder with this file is a run that can be resumed, and one without can be begun.
-        write_description(folder, run.config(), &setup, &setups)?;
+        write_description(folder, description)?;
         Ok(run)
     }
 
@@ -215,8 +231,8 @@ impl Run {
             let why = "folders of `adapt` and `zoo --export` have none, and no training continues from them";
             return Err(FileError::NoWeights { folder: folder.to_owned(), missing: CHECKPOINT, why }.into());
         }
-        let RunDescription { config, setup, other_maps, .. } = description.clone();
-        let (given, expected) = (lanes.len(), 1 + other_maps.len());
+        let RunDescription { config, setup, .. } = description.clone();
+        let (given, expected) = (lanes.len(), description.map_count());
         if given != expected {
             return Err(LaneError::Maps { given, expected }.into());
         }
@@ -241,10 +257,13 @@ impl Run {
         if given != described && given < made {
             return Err(TrainError::FewerSteps { folder: folder.display().to_string(), given, made });
         }
+        if given != described && made > 0 {
+            description.former_steps.push(described);
+        }
         let training = Training::resume(config, lanes, threads, state)?;
         let run = Run::open(folder, &description, training, threads, lock)?;
         // Last: an error before it leaves the old number of steps.
-        write_description(folder, run.config(), &setup, &other_maps)?;
+        write_description(folder, description)?;
         Ok(run)
     }
 
@@ -306,6 +325,37 @@ impl Run {
             self.checkpoint()?;
         }
         Ok(Some(record))
+    }
+
+    /// Trains to the end of the run, and returns `true`, or until it is interrupted; then writes a checkpoint.
+    ///
+    /// # Errors
+    /// As [`update`](Run::update) and [`checkpoint`](Run::checkpoint). What was learnt until the pool failed
+    /// is in the checkpoint.
+    pub fn train(
+        &mut self,
+        interrupted: &mut dyn FnMut() -> bool,
+        on_event: &dyn Fn(TrainEvent),
+    ) -> Result<bool, TrainError> {
+        on_event(TrainEvent::Began(self.record()));
+        let mut evaluated = self.evaluations().len();
+        let result = loop {
+            let updated = self.update(interrupted);
+            self.evaluations()[evaluated..].iter().for_each(|row| on_event(TrainEvent::Evaluated(*row)));
+            evaluated = self.evaluations().len();
+            match updated {
+                Ok(Some(record)) => on_event(TrainEvent::Updated(record)),
+                Ok(None) => break Ok(true),
+                Err(TrainError::Client(ClientError::Interrupted)) => break Ok(false),
+                Err(error @ TrainError::Client(_)) => break Err(error),
+                Err(error) => return Err(error),
+            }
+        };
+        self.checkpoint()?;
+        if let Ok(true) = result {
+            on_event(TrainEvent::Completed);
+        }
+        result
     }
 
     /// Plays what is due: evaluations, and the final one of a run that is complete.

@@ -9,14 +9,13 @@ mod together;
 
 use crate::config::Config;
 use crate::description::RunDescription;
-use crate::evaluations::EvaluationRow;
 use crate::lanes::Lanes;
-use crate::run::Run;
+use crate::run::{Run, TrainEvent};
 use crate::run_folders::{held_run, runs_in, seed_folder};
-use crate::training::{Record, TrainError};
+use crate::training::TrainError;
 pub use error::SeedsError;
 use smaclite_engine::BattleSetup;
-use smaclite_ipc::{ClientError, RuntimeDir};
+use smaclite_ipc::RuntimeDir;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
@@ -34,7 +33,7 @@ use std::sync::Mutex;
 /// let scenario = resolve_scenario("3m", Rules::Smaclite)?;
 /// let small = Config { num_envs: 4, horizon: 8, minibatches: 2, hidden: vec![8], ..Config::for_agents(3) };
 /// let config = Config { seed: 1, steps: 64, ..small };
-/// let seeds = Seeds::begin(&path, &config, 3, &scenario, &runtime_dir)?;
+/// let seeds = Seeds::begin(&path, &config, 3, &[scenario], &runtime_dir)?;
 /// let results = seeds.train(None, 2, &runtime_dir, &|| false, &|seed, event| {
 ///     println!("{seed}: {event:?}");
 /// });
@@ -49,25 +48,8 @@ pub struct Seeds {
     runs: Vec<(u64, PathBuf)>,
 }
 
-/// What happens in one of the runs.
-#[derive(Clone, Debug)]
-pub enum SeedEvent {
-    /// It begins or continues, from the last checkpoint. The record says how far it is; what it says of an
-    /// update is 0.
-    Began(Record),
-    /// An update was made.
-    Updated(Record),
-    /// An evaluation was played.
-    Evaluated(EvaluationRow),
-    /// The run ended: it is complete, it was interrupted, or it failed.
-    Ended {
-        /// Whether it has made all its steps.
-        is_complete: bool,
-    },
-}
-
 /// Called by the threads of the runs, with the seed.
-pub type OnSeedEvent<'a> = dyn Fn(u64, SeedEvent) + Sync + 'a;
+pub type OnTrainEvent<'a> = dyn Fn(u64, TrainEvent) + Sync + 'a;
 
 /// Checks that there are so many seeds from the first on.
 pub fn check_seeds(seed: u64, count: u64) -> Result<(), SeedsError> {
@@ -76,7 +58,8 @@ pub fn check_seeds(seed: u64, count: u64) -> Result<(), SeedsError> {
 }
 
 impl Seeds {
-    /// Begins `count` runs in a folder, with the seeds from that of `config` on. They make no update yet.
+    /// Begins `count` runs in a folder, with the seeds from that of `config` on, on these maps. They make no
+    /// update yet.
     ///
     /// # Errors
     /// If the folder has runs, and as [`Run::begin`]; the runs before the one that failed have begun, and
@@ -85,7 +68,7 @@ impl Seeds {
         folder: &Path,
         config: &Config,
         count: u64,
-        setup: &BattleSetup,
+        setups: &[BattleSetup],
         runtime_dir: &RuntimeDir,
     ) -> Result<Seeds, SeedsError> {
         check_seeds(config.seed, count)?;
@@ -101,7 +84,7 @@ impl Seeds {
         }
         for (i, (seed, path)) in runs.iter().enumerate() {
             let config = Config { seed: *seed, ..config.clone() };
-            let begun = begin(path, None, config, setup, runtime_dir);
+            let begun = begin(path, None, config, setups, runtime_dir);
             begun.map_err(|source| match i {
                 0 => SeedsError::Train(source), // there is nothing to continue
                 _ => not_begun(folder, *seed, count, source),
@@ -138,11 +121,12 @@ impl Seeds {
             return Err(SeedsError::TooFew { folder, first, last, count });
         }
         check_seeds(first, count)?;
-        let RunDescription { config, setup, .. } = RunDescription::read(&model)?;
+        let run = RunDescription::read(&model)?;
+        let setups: Vec<BattleSetup> = run.setups().cloned().collect();
         for seed in (0..count).map(|i| first + i) {
             if self.runs.iter().all(|(begun, _)| *begun != seed) {
-                let (path, config) = (seed_folder(&folder, seed), Config { seed, ..config.clone() });
-                let begun = begin(&path, Some(&model), config, &setup, runtime_dir);
+                let (path, config) = (seed_folder(&folder, seed), Config { seed, ..run.config.clone() });
+                let begun = begin(&path, Some(&model), config, &setups, runtime_dir);
                 begun.map_err(|source| not_begun(&folder, seed, count, source))?;
                 self.runs.push((seed, path));
             }
@@ -164,7 +148,7 @@ impl Seeds {
         threads: usize,
         runtime_dir: &RuntimeDir,
         interrupted: &(dyn Fn() -> bool + Sync),
-        on_event: &OnSeedEvent<'_>,
+        on_event: &OnTrainEvent<'_>,
     ) -> Vec<(u64, Result<(), TrainError>)> {
         let parallel = threads.clamp(1, self.runs.len().max(1));
         let queue = Mutex::new(self.runs.iter().enumerate());
@@ -175,8 +159,6 @@ impl Seeds {
                 let share = self.threads_of(i, parallel, threads);
                 let one = OneRun { path, steps, threads: share, runtime_dir };
                 let result = one.train(&mut || interrupted(), &|event| on_event(*seed, event));
-                let is_complete = matches!(result, Ok(true));
-                on_event(*seed, SeedEvent::Ended { is_complete });
                 let result = (*seed, result.map(|_| ()));
                 results.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push(result);
             }
@@ -210,14 +192,15 @@ fn begin(
     folder: &Path,
     beside: Option<&Path>,
     config: Config,
-    setup: &BattleSetup,
+    setups: &[BattleSetup],
     runtime_dir: &RuntimeDir,
 ) -> Result<(), TrainError> {
-    let lanes_setup = config.enemies.setup(setup);
-    let lanes = Lanes::start(&lanes_setup, config.num_envs, config.last_actions, 1, runtime_dir)?;
+    let lanes_setups: Vec<BattleSetup> = setups.iter().map(|setup| config.enemies.setup(setup)).collect();
+    let lanes = Lanes::start_maps(&lanes_setups, &config, 1, runtime_dir)?;
+    let maps = setups.iter().cloned().zip(lanes).collect();
     match beside {
-        Some(other) => Run::begin_beside(other, folder, config, setup, lanes, 1)?,
-        None => Run::begin(folder, config, setup, lanes, 1)?,
+        Some(other) => Run::begin_beside(other, folder, config, maps, 1)?,
+        None => Run::begin_on_maps(folder, config, maps, 1)?,
     };
     Ok(())
 }
@@ -235,41 +218,23 @@ struct OneRun<'a> {
 }
 
 impl OneRun<'_> {
-    /// Trains it to its end, and returns true, or until it is interrupted.
+    /// As [`Run::train`].
     fn train(
         &self,
         interrupted: &mut dyn FnMut() -> bool,
-        on_event: &dyn Fn(SeedEvent),
+        on_event: &dyn Fn(TrainEvent),
     ) -> Result<bool, TrainError> {
         if interrupted() {
             return Ok(false); // the run is as it was
         }
-        let mut run = Run::resume(self.path, self.steps, self.lanes()?, self.threads)?;
-        on_event(SeedEvent::Began(run.record()));
-        let mut evaluated = run.evaluations().len();
-        let result = loop {
-            let updated = run.update(interrupted);
-            for row in &run.evaluations()[evaluated..] {
-                on_event(SeedEvent::Evaluated(*row));
-            }
-            evaluated = run.evaluations().len();
-            match updated {
-                Ok(Some(record)) => on_event(SeedEvent::Updated(record)),
-                Ok(None) => break Ok(true),
-                Err(TrainError::Client(ClientError::Interrupted)) => break Ok(false),
-                Err(error @ TrainError::Client(_)) => break Err(error), // what was learnt is not lost
-                Err(error) => return Err(error),
-            }
-        };
-        run.checkpoint()?;
-        result
+        let mut run = Run::resume_on_maps(self.path, self.steps, self.lanes()?, self.threads)?;
+        run.train(interrupted, on_event)
     }
 
-    fn lanes(&self) -> Result<Lanes, TrainError> {
+    fn lanes(&self) -> Result<Vec<Lanes>, TrainError> {
         let run = RunDescription::read(self.path)?;
-        let Config { num_envs, last_actions, .. } = run.config;
         let workers = (self.threads - 1).max(1);
-        Ok(Lanes::start(&run.lanes_setup(), num_envs, last_actions, workers, self.runtime_dir)?)
+        Ok(Lanes::start_maps(&run.lanes_setups(), &run.config, workers, self.runtime_dir)?)
     }
 }
 

@@ -1,4 +1,5 @@
-//! What `train` prints: JSON, one changing line in a terminal, or a line every five seconds.
+//! Lines of progress of `train`: one that changes in a terminal, or one every five seconds; and what is in
+//! them.
 
 use crate::CommandResult;
 use crate::output::Output;
@@ -11,7 +12,7 @@ use std::time::{Duration, Instant};
 const LINE_INTERVAL: Duration = Duration::from_secs(5);
 
 /// The win rates of a team that plays itself, as far as there are any.
-fn by_enemies(record: &Record) -> String {
+pub(super) fn by_enemies(record: &Record) -> String {
     let Some(self_play) = record.self_play else { return String::new() };
     let rates = [
         ("self", self_play.win_rate_self),
@@ -21,70 +22,6 @@ fn by_enemies(record: &Record) -> String {
     let known = rates.into_iter().filter(|(_, rate)| !rate.is_nan());
     let parts: Vec<String> = known.map(|(name, rate)| format!("{name} {:.0} %", 100.0 * rate)).collect();
     format!(" ({})", parts.join(", "))
-}
-
-/// Shows the progress of one run.
-pub(super) struct Display {
-    json: bool,
-    lines: Lines,
-    name: String,
-    total: u64,
-    /// Time and steps of the first record, from which the time that is left is estimated.
-    first: Option<(Instant, u64)>,
-}
-
-impl Display {
-    pub(super) fn new(json: bool, name: String, total: u64) -> Display {
-        Display { json, lines: Lines::new(), name, total, first: None }
-    }
-
-    pub(super) fn show(&mut self, record: &Record) -> CommandResult {
-        if self.json {
-            out!("{}", Value::Object(json_of(record)))?;
-            return Ok(());
-        }
-        let line = self.line(record);
-        self.lines.show(line)
-    }
-
-    /// Shows the result of an evaluation; JSON is of updates alone.
-    pub(super) fn show_evaluation(&mut self, row: &EvaluationRow) -> CommandResult {
-        if self.json { Ok(()) } else { self.lines.keep(&format!("{}: {}", self.name, evaluation(row))) }
-    }
-
-    fn line(&mut self, record: &Record) -> String {
-        let (begin, first_steps) = *self.first.get_or_insert((Instant::now(), record.steps));
-        let (made, left) = (record.steps - first_steps, self.total.saturating_sub(record.steps));
-        let per_s = made as f64 / begin.elapsed().as_secs_f64().max(1e-9);
-        let (rate, time_left) = if made == 0 {
-            (record.steps_per_s, left as f64 / record.steps_per_s)
-        } else {
-            (per_s, left as f64 / per_s)
-        };
-        let team = if record.episodes == 0 {
-            "no episode yet".to_owned()
-        } else {
-            format!(
-                "return {:5.2}  wins {:5.1} %{}",
-                record.mean_return,
-                100.0 * record.win_rate,
-                by_enemies(record)
-            )
-        };
-        format!(
-            "{}: {} of {} steps  {rate:.0} steps/s  {team}  {} left",
-            self.name,
-            record.steps,
-            self.total,
-            minutes(time_left)
-        )
-    }
-
-    /// Shows the last record, if it was not shown, and how the run ended.
-    pub(super) fn end(self, is_complete: bool) -> CommandResult {
-        let end = if is_complete { "complete" } else { "interrupted; resume with --resume" };
-        if self.json { Ok(()) } else { self.lines.end(end) }
-    }
 }
 
 /// 95 seconds as `1:35`.

@@ -1,18 +1,22 @@
 //! A team that is trained on several maps.
 
-use super::{Opened, Train};
+use super::Train;
 use crate::check::warn_of;
 use smaclite_engine::BattleSetup;
-use smaclite_ipc::RuntimeDir;
-use smaclite_learn::{Algorithm, Config, LaneError, Lanes, NetworkKind, Run, resolve_scenario};
+use smaclite_learn::{Algorithm, Config, NetworkKind, RunDescription, resolve_scenario};
 use smaclite_scenarios::Scenario;
 use std::error::Error;
-use std::path::Path;
+
 /// The fewest environments of a map by default, if a team is trained on several.
 const ENVS_PER_MAP: usize = 8;
 
-pub(super) fn in_words(maps: &[BattleSetup]) -> String {
-    format!("{} maps", maps.len())
+/// What a run is called: by its map, or the number of its maps.
+pub(super) fn name_of(run: &RunDescription) -> String {
+    if run.map_count() == 1 { run.name.clone() } else { in_words(run.map_count()) }
+}
+
+pub(super) fn in_words(maps: usize) -> String {
+    format!("{maps} maps")
 }
 
 /// Names, and each with its weight: `MAP=WEIGHT`, or a `MAP`, whose weight is 1. What comes behind the last
@@ -34,25 +38,12 @@ fn weighted_maps(arguments: &[String]) -> Vec<(String, f64)> {
     expanded.collect()
 }
 
-/// Lanes of each map.
-pub(super) fn lanes_of_maps(
-    setups: &[BattleSetup],
-    config: &Config,
-    threads: usize,
-    runtime_dir: &RuntimeDir,
-) -> Result<Vec<Lanes>, LaneError> {
-    let maps: Vec<_> = setups.iter().zip(config.envs_of_maps(setups.len())).collect();
-    Lanes::start_maps(&maps, config.last_actions, (threads - 1).max(1), runtime_dir)
-}
-
 impl Train {
-    pub(super) fn begin_on_maps(
-        self,
-        out: &Path,
+    /// What a team plays that is trained on these maps, and its hyperparameters, unless others are given.
+    pub(super) fn maps_to_train(
+        &self,
         names: &[String],
-        threads: usize,
-        runtime_dir: &RuntimeDir,
-    ) -> Result<Opened, Box<dyn Error>> {
+    ) -> Result<(Vec<BattleSetup>, Config), Box<dyn Error>> {
         let weighted = weighted_maps(names);
         if let Some((map, weight)) =
             weighted.iter().find(|(_, weight)| !(*weight > 0.0 && weight.is_finite()))
@@ -74,15 +65,7 @@ impl Train {
         let num_envs = config.num_envs.max(ENVS_PER_MAP * setups.len());
         let are_given = weights.iter().any(|weight| *weight != 1.0);
         let map_weights = if are_given { weights } else { Vec::new() };
-        let mut config = Config { algorithm: Algorithm::Mappo, num_envs, map_weights, ..config };
-        config.steps = self.steps.unwrap_or(config.steps);
-        let config = self.hyperparameters.apply(config);
-        config.check()?;
-        config.check_maps(setups.len())?;
-        let name = in_words(&setups);
-        let lanes = lanes_of_maps(&setups, &config, threads, runtime_dir)?;
-        let maps = setups.into_iter().zip(lanes).collect();
-        Ok(Opened::One(Box::new(Run::begin_on_maps(out, config, maps, threads)?), name))
+        Ok((setups, Config { algorithm: Algorithm::Mappo, num_envs, map_weights, ..config }))
     }
 }
 

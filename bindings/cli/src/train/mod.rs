@@ -1,23 +1,22 @@
-//! `smaclite-pool train`: train a team, or one per seed. The learner is `smaclite_learn`; `display` shows the
-//! progress of one run, `seeds` that of several.
+//! `smaclite-pool train`: train a team, or one per seed. The learner is `smaclite_learn`; `progress` shows how
+//! far it is.
 
 mod display;
 mod maps;
-mod seeds;
+mod progress;
 
 use super::{CommandResult, THREADS, completions, output, runtime_dir};
 use crate::check::warn_of;
 use crate::number::{count, seed, whole};
 use crate::opponent::{OpponentOption, SelfPlayOptions, warn_of_other_rules};
-use crate::process::{Interrupted, interrupt_flag_once};
+use crate::process::interrupt_flag_once;
 use clap::Args;
-use display::Display;
-use maps::{in_words, lanes_of_maps};
+use maps::name_of;
 use smaclite_engine::{BattleSetup, Rules};
-use smaclite_ipc::{ClientError, RuntimeDir, WaitOptions, lane_scenario, status_within};
+use smaclite_ipc::{RuntimeDir, WaitOptions, lane_scenario, status_within};
 use smaclite_learn::{
-    Activation, Algorithm, Config, Enemies, Lanes, NetworkKind, Run, RunDescription, Seeds, TrainError,
-    refuse_both, resolve_scenario,
+    Activation, Algorithm, Config, Enemies, Lanes, NetworkKind, Run, RunDescription, Seeds, refuse_both,
+    resolve_scenario,
 };
 use smaclite_pool::MAX_LAST_ACTIONS;
 use std::error::Error;
@@ -46,7 +45,7 @@ pub(super) struct Train {
     /// unless --algorithm is ippo, and the environments, at least 8 per map by default, are divided among
     /// them, equally or by weights, as in `all,protoss_5_vs_5=2`
     #[arg(long, value_name = "MAP[=WEIGHT],...", value_delimiter = ',', add = completions::scenario(),
-        conflicts_with_all = ["map", "pool", "resume", "opponent", "seeds", "evaluate_every"])]
+        conflicts_with_all = ["map", "pool", "resume", "opponent"])]
     maps: Option<Vec<String>>,
     /// Folder of the run: weights, checkpoint and logs; must not hold a run. With --seeds, each run has a
     /// folder in it, seed-0 and so on
@@ -191,6 +190,11 @@ fn incomplete(error: Box<dyn Error>, folder: &Path) -> Box<dyn Error> {
     error
 }
 
+/// The worker threads of an own pool beside so many threads of the learner.
+fn workers(threads: usize) -> usize {
+    (threads - 1).max(1)
+}
+
 /// What is trained.
 enum Opened {
     /// A run in the scenario of this name.
@@ -206,44 +210,8 @@ impl Train {
         let folder = self.resume.as_ref().or(self.out.as_ref()).cloned().unwrap_or_default();
         let interrupted = interrupt_flag_once()?;
         let stop = || interrupted.load(Ordering::Relaxed);
-        let (mut run, name) = match self.open(threads, &mut || stop())? {
-            Opened::One(run, name) => (run, name),
-            Opened::Several(runs) => return seeds::train(&runs, steps, threads, json, &folder, &stop),
-        };
-        let mut display = Display::new(json, name, run.config().steps);
-        let mut evaluated = run.evaluations().len();
-        let is_complete = loop {
-            let updated = run.update(&mut || stop());
-            let mut shown =
-                run.evaluations()[evaluated..].iter().try_for_each(|row| display.show_evaluation(row));
-            evaluated = run.evaluations().len();
-            match updated {
-                Ok(record) => {
-                    if let (Ok(()), Some(record)) = (&shown, &record) {
-                        shown = display.show(record);
-                    }
-                    if let Err(error) = shown {
-                        run.checkpoint()?; // the output was closed, but what was learnt is not lost
-                        return Err(if record.is_none() { error } else { incomplete(error, &folder) });
-                    }
-                    if record.is_none() {
-                        break true;
-                    }
-                }
-                Err(TrainError::Client(ClientError::Interrupted)) => break false,
-                Err(error) => {
-                    if let TrainError::Client(_) = error {
-                        run.checkpoint()?; // the pool has ended, but not what was learnt
-                        let folder = folder.display();
-                        return Err(format!("{error}; resume with --resume {folder}").into());
-                    }
-                    return Err(error.into());
-                }
-            }
-        };
-        run.checkpoint()?;
-        display.end(is_complete)?;
-        if is_complete { Ok(()) } else { Err(Interrupted.into()) }
+        let opened = self.open(threads, &mut || stop())?;
+        progress::train(opened, steps, threads, json, &folder, &stop)
     }
 
     /// Begins or resumes what is trained.
@@ -287,15 +255,13 @@ impl Train {
             .into());
         }
         let run = RunDescription::read(folder)?;
-        if !run.other_maps.is_empty() {
-            let setups: Vec<BattleSetup> = [run.lanes_setup()].into_iter().chain(run.other_maps).collect();
-            let name = in_words(&setups);
+        if run.map_count() > 1 {
             if self.pool.is_some() {
                 return Err("a run on several maps plays in a pool of its own: leave --pool out".into());
             }
-            let lanes = lanes_of_maps(&setups, &run.config, threads, runtime_dir)?;
-            let run = Run::resume_on_maps(folder, self.steps, lanes, threads)?;
-            return Ok(Opened::One(Box::new(run), name));
+            let lanes = Lanes::start_maps(&run.lanes_setups(), &run.config, workers(threads), runtime_dir)?;
+            let resumed = Run::resume_on_maps(folder, self.steps, lanes, threads)?;
+            return Ok(Opened::One(Box::new(resumed), name_of(&run)));
         }
         self.choose_lane(&run.name, runtime_dir, interrupted)?;
         let lanes = self.lanes(&run.lanes_setup(), &run.config, threads, runtime_dir, interrupted)?;
@@ -315,24 +281,34 @@ impl Train {
         if out.exists() && !out.is_dir() {
             return Err(format!("--out must be a folder, but `{}` is a file", out.display()).into());
         }
-        if let Some(names) = self.maps.take() {
-            self.self_play.enemies(None)?; // refuses options that have no effect
-            return self.begin_on_maps(&out, &names, threads, runtime_dir);
-        }
         let enemies = self.self_play.enemies(self.opponent.clone())?;
-        let setup = self.setup(runtime_dir, interrupted)?;
-        if let Enemies::Team { folder } = &enemies {
-            warn_of_other_rules(folder, setup.rules)?;
-        }
-        let scenario = setup.files.scenario()?;
-        let mut config = Config { enemies, ..Config::for_scenario(&scenario) };
+        let (mut setups, mut config) = match self.maps.take() {
+            Some(names) => self.maps_to_train(&names)?,
+            None => {
+                let setup = self.setup(runtime_dir, interrupted)?;
+                if let Enemies::Team { folder } = &enemies {
+                    warn_of_other_rules(folder, setup.rules)?;
+                }
+                let config = Config { enemies, ..Config::for_scenario(&setup.files.scenario()?) };
+                (vec![setup], config)
+            }
+        };
         config.steps = self.steps.unwrap_or(config.steps);
         config.evaluate_every = self.evaluate_every.filter(|every| *every > 0);
         let Hyperparameters { num_envs, last_actions, .. } = self.hyperparameters;
         config = std::mem::take(&mut self.hyperparameters).apply(config);
         if let Some(count) = self.seeds {
-            return Ok(Opened::Several(Seeds::begin(&out, &config, count as u64, &setup, runtime_dir)?));
+            return Ok(Opened::Several(Seeds::begin(&out, &config, count as u64, &setups, runtime_dir)?));
         }
+        if setups.len() > 1 {
+            config.check()?;
+            let lanes = Lanes::start_maps(&setups, &config, workers(threads), runtime_dir)?;
+            let name = maps::in_words(setups.len());
+            let maps = setups.into_iter().zip(lanes).collect();
+            return Ok(Opened::One(Box::new(Run::begin_on_maps(&out, config, maps, threads)?), name));
+        }
+        let setup = setups.remove(0);
+        let name = setup.files.scenario()?.name;
         let lanes = self.lanes(&config.enemies.setup(&setup), &config, threads, runtime_dir, interrupted)?;
         // A pool has its own; others that were asked for are refused.
         config.num_envs = num_envs.unwrap_or(lanes.num_envs());
@@ -340,7 +316,7 @@ impl Train {
         let are_saved = lanes.are_saved();
         let run = Run::begin(&out, config, &setup, lanes, threads)?;
         self.warn_of_snapshots(are_saved);
-        Ok(Opened::One(Box::new(run), scenario.name))
+        Ok(Opened::One(Box::new(run), name))
     }
 
     fn setup(
@@ -406,7 +382,7 @@ impl Train {
         let Config { num_envs, last_actions, .. } = *config;
         Ok(match &self.pool {
             Some(pool) => Lanes::attach(setup, runtime_dir, pool, &self.lane, interrupted)?,
-            None => Lanes::start(setup, num_envs, last_actions, (threads - 1).max(1), runtime_dir)?,
+            None => Lanes::start(setup, num_envs, last_actions, workers(threads), runtime_dir)?,
         })
     }
 

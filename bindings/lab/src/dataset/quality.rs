@@ -77,10 +77,14 @@ pub enum QualityError {
     File(#[from] FileError),
 }
 
-/// The policies of a quality, and the files of their weights.
-pub(super) fn policies(folder: &Path, quality: Quality) -> Result<Vec<(Policy, PathBuf)>, QualityError> {
+/// The policies of a quality on the first map of a run on so many, and the files of their weights.
+pub(super) fn policies(
+    folder: &Path,
+    maps: usize,
+    quality: Quality,
+) -> Result<Vec<(Policy, PathBuf)>, QualityError> {
     let files = EvaluationFiles::of(folder);
-    let evaluations = files.rows()?;
+    let evaluations = files.rows_on_first(maps)?;
     let shown = folder.display().to_string();
     if evaluations.is_empty() {
         return Err(QualityError::NoEvaluations { folder: shown });
@@ -189,7 +193,7 @@ mod tests {
         std::fs::create_dir(&run).unwrap();
         let of = |text: &str| {
             std::fs::write(run.join("evaluations.csv"), text).unwrap();
-            policies(&run, Quality::Replay).map_err(|error| error.to_string())
+            policies(&run, 1, Quality::Replay).map_err(|error| error.to_string())
         };
         let head = EvaluationRow::COLUMNS.join(",") + "\n";
         let (first, last) = (row(10, 0.5).line(), row(20, 0.84375).line());

@@ -191,7 +191,7 @@ impl Source {
                         vec![(policy, Player::Team(Box::new(team)))]
                     }
                     Some(quality) => {
-                        let policies = quality::policies(folder, *quality)?.into_iter();
+                        let policies = quality::policies(folder, run.map_count(), *quality)?.into_iter();
                         let open = |(policy, path): (Policy, PathBuf)| {
                             let team = TrainedTeam::open_file(&run, &path)?;
                             Ok::<_, DatasetError>((policy, Player::Team(Box::new(team))))
@@ -247,7 +247,7 @@ impl Recording {
         scratch: &mut Scratch,
     ) -> Vec<Played> {
         let choice = if self.greedy { Choice::Greedy } else { Choice::Sampled };
-        let play = Play { seed: self.seed, choice };
+        let play = Play { seed: self.seed, choices: [choice; 2] };
         let rows = *first..first + LOCKSTEP;
         let seeds = rows.clone().take(*count).map(|episode| play.seed_of(episode));
         let mut played: Vec<Played> = seeds.map(|seed| Played { seed, ..Played::default() }).collect();

@@ -29,8 +29,9 @@ impl AlgorithmRuns {
                 return Err(ReportError::NoRuns(folder.clone()));
             }
             for path in found {
-                let run = EvaluatedRun::read(&path)?;
-                tasks.entry(run.task.clone()).or_default().push(run);
+                for run in EvaluatedRun::read(&path)? {
+                    tasks.entry(run.task.clone()).or_default().push(run);
+                }
             }
         }
         for runs in tasks.values_mut() {

@@ -4,6 +4,9 @@
 //! `evaluations.csv`, `evaluation_episodes.csv` and `final.json`. Such a learner has `options.json` instead
 //! of `run.json`, an object with `scenario` (a name, or the path of a file) and `seed`; and with `rules`, if
 //! its battles were not played by those of SMAClite.
+//!
+//! A run on several maps is reported as one run per map, each with the episodes on it; steps and times are
+//! those of the whole run, and the best weights those that are best on all maps together.
 
 use super::ReportError;
 use serde_json::Value;
@@ -11,7 +14,7 @@ use smaclite_engine::fnv::Fnv1a;
 use smaclite_engine::{Rules, UnknownRules};
 use smaclite_learn::{
     BothEpisodes, Choice, DESCRIPTIONS, Enemies, Episode, EvaluationFiles, EvaluationRow, FileError,
-    FinalResult, OPPONENT, RunDescription, Summary, Weights, read_file,
+    FinalResult, OPPONENT, RunDescription, Summary, Weights, on_map, read_file,
 };
 use std::path::{Path, PathBuf};
 
@@ -55,6 +58,16 @@ impl PlayedEvaluation {
     pub fn episodes(&self, actions: Choice) -> &[Episode] {
         &self.episodes[actions.index()]
     }
+
+    /// What was played on one map of so many.
+    fn on_map(&self, map: usize, maps: usize) -> PlayedEvaluation {
+        if maps == 1 {
+            return self.clone(); // with the means as they are written
+        }
+        let episodes = self.episodes.each_ref().map(|all| on_map(all, map, maps).to_vec());
+        let [greedy, sampled] = episodes.each_ref().map(|episodes| Summary::of(episodes));
+        PlayedEvaluation { row: EvaluationRow { greedy, sampled, ..self.row }, episodes }
+    }
 }
 
 impl EvaluatedRun {
@@ -63,8 +76,8 @@ impl EvaluatedRun {
         DESCRIPTIONS.iter().any(|name| folder.join(name).is_file())
     }
 
-    /// Reads a run.
-    pub(super) fn read(folder: &Path) -> Result<EvaluatedRun, ReportError> {
+    /// Reads a run, on each of its maps.
+    pub(super) fn read(folder: &Path) -> Result<Vec<EvaluatedRun>, ReportError> {
         if !EvaluationFiles::exist(folder) {
             return Err(ReportError::NoEvaluations(folder.to_owned()));
         }
@@ -75,14 +88,27 @@ impl EvaluatedRun {
             return Err(incomplete());
         }
         check_final(folder, &result)?;
-        let folder = folder.to_owned();
         let described = if folder.join(DESCRIPTIONS[0]).is_file() {
-            Described::by_program(&folder)?
+            Described::by_program(folder)?
         } else {
-            Described::by_other(&folder.join(DESCRIPTIONS[1]))?
+            vec![Described::by_other(&folder.join(DESCRIPTIONS[1]))?]
         };
-        let Described { task, seed, description, battles, settings } = described;
-        Ok(EvaluatedRun { folder, task, seed, evaluations, result, description, battles, settings })
+        let maps = described.len();
+        check_equally_many(folder, &evaluations, &result, maps)?;
+        let on = |(map, described): (usize, Described)| {
+            let Described { task, seed, description, battles, settings } = described;
+            let folder = folder.to_owned();
+            let evaluations = evaluations.iter().map(|evaluation| evaluation.on_map(map, maps)).collect();
+            let [greedy_episodes, sampled_episodes] = [&result.greedy_episodes, &result.sampled_episodes]
+                .map(|all| on_map(all, map, maps).to_vec());
+            let (greedy, sampled) = (Summary::of(&greedy_episodes), Summary::of(&sampled_episodes));
+            let result = match maps {
+                1 => result.clone(), // with the means as they are written
+                _ => FinalResult { greedy, sampled, greedy_episodes, sampled_episodes, ..result },
+            };
+            EvaluatedRun { folder, task, seed, evaluations, result, description, battles, settings }
+        };
+        Ok(described.into_iter().enumerate().map(on).collect())
     }
 
     /// The step counts of its evaluations.
@@ -126,6 +152,25 @@ fn read_evaluations(folder: &Path) -> Result<Vec<PlayedEvaluation>, ReportError>
     Ok(evaluations)
 }
 
+/// Each map of a run has as many episodes.
+fn check_equally_many(
+    folder: &Path,
+    evaluations: &[PlayedEvaluation],
+    result: &FinalResult,
+    maps: usize,
+) -> Result<(), FileError> {
+    let of_result = [&result.greedy_episodes, &result.sampled_episodes].map(|all| ("final.json", all.len()));
+    let of_evaluations = evaluations.iter().flat_map(|evaluation| &evaluation.episodes);
+    let counts = of_evaluations.map(|all| ("evaluation_episodes.csv", all.len())).chain(of_result);
+    match counts.into_iter().find(|(_, count)| count % maps > 0) {
+        None => Ok(()),
+        Some((name, count)) => {
+            let why = format!("it has an evaluation of {count} episodes, which {maps} maps cannot share");
+            Err(FileError::Damaged { path: folder.join(name), why })
+        }
+    }
+}
+
 /// Its means must be those of its episodes.
 fn check_final(folder: &Path, result: &FinalResult) -> Result<(), FileError> {
     let damaged = |why| FileError::Damaged { path: FinalResult::path(folder), why };
@@ -163,21 +208,39 @@ struct Described {
 }
 
 impl Described {
-    fn by_program(folder: &Path) -> Result<Described, FileError> {
-        let description = RunDescription::read(folder)?;
-        let mut battles = read_object(&folder.join(DESCRIPTIONS[0]))?;
-        let mut settings = battles["config"].take();
-        ["config", "version"].into_iter().for_each(|name| without(&mut battles, name));
+    fn by_program(folder: &Path) -> Result<Vec<Described>, FileError> {
+        let run = RunDescription::read(folder)?;
+        let path = folder.join(DESCRIPTIONS[0]);
+        let mut first = read_object(&path)?;
+        let mut settings = first["config"].take();
+        ["config", "version"].into_iter().for_each(|name| without(&mut first, name));
         without(&mut settings, "seed");
-        without(&mut battles["files"], "source"); // where the file was, not what is in it
-        if let Enemies::Team { .. } = &description.config.enemies {
-            // Not its folder, in which another one may be by now.
-            battles["enemies"] = opponent(&folder.join(OPPONENT))?;
-            settings["enemies"] = battles["enemies"].clone();
+        let others = first.as_object_mut().and_then(|first| first.remove("other_maps"));
+        let others = others.and_then(|others| others.as_array().cloned()).unwrap_or_default();
+        if let Some(former) = first.as_object_mut().and_then(|first| first.remove("former_steps")) {
+            settings["former_steps"] = former; // step sizes fell by these
         }
-        let task = task_name(&description.name, description.setup.rules);
-        let (seed, description, battles) = (description.config.seed, Some(description), Some(battles));
-        Ok(Described { task, seed, description, battles, settings })
+        let mut battles: Vec<Value> = [first].into_iter().chain(others).collect();
+        for battles in &mut battles {
+            without(&mut battles["files"], "source"); // where the file was, not what is in it
+        }
+        if let Enemies::Team { .. } = &run.config.enemies {
+            // Not its folder, in which another one may be by now.
+            battles[0]["enemies"] = opponent(&folder.join(OPPONENT))?;
+            settings["enemies"] = battles[0]["enemies"].clone();
+        }
+        if battles.len() > 1 {
+            settings["maps"] = battles.clone().into();
+        }
+        let maps = run.on_each_map().map_err(|error| FileError::Damaged { path, why: error.to_string() })?;
+        let described = maps.into_iter().zip(battles).map(|(run, battles)| Described {
+            task: task_name(&run.name, run.setup.rules),
+            seed: run.config.seed,
+            description: Some(run),
+            battles: Some(battles),
+            settings: settings.clone(),
+        });
+        Ok(described.collect())
     }
 
     fn by_other(path: &Path) -> Result<Described, FileError> {
@@ -206,7 +269,7 @@ impl Described {
         };
         let task = task_name(&name.to_string_lossy(), rules);
         let battles = settings.get("battles").cloned();
-        ["seed", "out", "battles"].into_iter().for_each(|name| without(&mut settings, name));
+        ["seed", "out", "battles", "file"].into_iter().for_each(|name| without(&mut settings, name));
         Ok(Described { task, seed, description: None, battles, settings })
     }
 }

@@ -7,4 +7,5 @@ mod foreign;
 #[allow(dead_code)]
 #[path = "../../../learn/tests/training/kit.rs"]
 mod kit;
+mod maps;
 mod report;

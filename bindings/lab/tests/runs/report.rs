@@ -9,7 +9,7 @@ use std::path::PathBuf;
 
 /// Trains `count` seeds in a folder.
 pub fn train(place: &Place, name: &str, count: u64, config: &Config) {
-    let seeds = Seeds::begin(&place.path(name), config, count, &scenario(), &place.runtime_dir).unwrap();
+    let seeds = Seeds::begin(&place.path(name), config, count, &[scenario()], &place.runtime_dir).unwrap();
     let results = seeds.train(None, 2, &place.runtime_dir, &|| false, &|_, _| {});
     assert!(results.iter().all(|(_, result)| result.is_ok()), "{results:?}");
 }
@@ -51,6 +51,23 @@ fn runs_of_two_algorithms_are_compared() {
     let again = Report::new(&benchmark, Choice::Sampled, 1);
     let intervals = |report: &Report| report.aggregates.iter().map(|of| of.mean).collect::<Vec<_>>();
     assert_eq!(intervals(&report), intervals(&again));
+}
+
+/// The step sizes of a run that was extended fell twice: it was taken for a run of so many steps.
+#[test]
+fn runs_that_were_extended_are_noted_beside_others() {
+    let place = Place::new();
+    let steps = |steps| Config { steps, ..evaluated() };
+    train(&place, "runs", 1, &steps(800));
+    let extended = Seeds::open(&place.path("runs"), Some(1600)).unwrap().unwrap();
+    extended.train(Some(1600), 1, &place.runtime_dir, &|| false, &|_, _| {});
+    let notes = |folder| read(&place, &[("a", folder)]).unwrap().notes().join("\n");
+    assert!(!notes("runs").contains("more than their seeds"));
+    let folder = place.path("runs");
+    let both = Seeds::open(&folder, None).unwrap().unwrap().complete(2, &place.runtime_dir).unwrap();
+    both.train(None, 1, &place.runtime_dir, &|| false, &|_, _| {});
+    let found = notes("runs");
+    assert!(found.contains("the runs of a on 3m differ in more than their seeds"), "{found}");
 }
 
 /// As marl-eval scales those of `metrics.json`, which has the episodes with one kind of actions.

@@ -46,8 +46,8 @@ impl Ended {
 pub struct Play {
     /// Episode `i` (of each pairing) is seeded with `seed + i`.
     pub seed: u64,
-    /// How teams choose actions.
-    pub choice: Choice,
+    /// How the team with the agents chooses actions, and how that with the enemies does.
+    pub choices: [Choice; 2],
 }
 
 impl Play {
@@ -103,9 +103,10 @@ impl Play {
             if battles.iter().all(|running| running.battle.is_over()) {
                 break;
             }
-            agents.act(&battles, self.draw(Purpose::Evaluation, step), self.choice, scratch);
+            let [of_agents, of_enemies] = self.choices;
+            agents.act(&battles, self.draw(Purpose::Evaluation, step), of_agents, scratch);
             if let Some(enemies) = &mut enemies {
-                enemies.act(&battles, self.draw(Purpose::EnemyEvaluation, step), self.choice, scratch);
+                enemies.act(&battles, self.draw(Purpose::EnemyEvaluation, step), of_enemies, scratch);
             }
             for (i, running) in battles.iter_mut().enumerate().filter(|(_, r)| !r.battle.is_over()) {
                 joint.clear();

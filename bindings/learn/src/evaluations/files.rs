@@ -5,7 +5,7 @@
 //! its row is removed, and that evaluation is played again. What was written before the checkpoint is there,
 //! and a run is not continued without it: nothing could play it again.
 
-use super::{EVALUATION_EPISODES, EvaluationRow, FinalResult, Trained};
+use super::{EVALUATION_EPISODES, EvaluationRow, FinalResult, Summary, Trained};
 use crate::checkpoint::write_actor;
 use crate::description::BEST;
 use crate::policy::Choice;
@@ -25,8 +25,15 @@ const WEIGHTS: &str = "evaluations";
 /// The header of the episodes.
 const EPISODE_COLUMNS: &str = "steps,actions,episode,return,length,won\n";
 
-/// The episodes of an evaluation, with greedy and with sampled actions.
+/// The episodes of an evaluation, with greedy and with sampled actions. Those of a run on several maps are of
+/// one map after the other, as many of each ([`on_map`]).
 pub type BothEpisodes = [Vec<Episode>; 2];
+
+/// Those of the episodes of an evaluation that were played on map `map`, of so many.
+pub fn on_map(episodes: &[Episode], map: usize, maps: usize) -> &[Episode] {
+    let of_each = episodes.len() / maps;
+    &episodes[map * of_each..(map + 1) * of_each]
+}
 
 /// The files of one run.
 pub struct EvaluationFiles {
@@ -34,21 +41,22 @@ pub struct EvaluationFiles {
 }
 
 impl EvaluationFiles {
-    /// Opens the files of a run that trains and is evaluated at every multiple of `every` steps, and removes
-    /// what is of evaluations after its checkpoint: they are played again. Returns the rows that stay.
+    /// Opens the files of a run that trains on so many maps and is evaluated at every multiple of `every`
+    /// steps, and removes what is of evaluations after its checkpoint: they are played again. Returns the
+    /// rows that stay.
     ///
     /// # Errors
     /// If something is missing that was written before the checkpoint; then nothing is removed.
     pub(crate) fn open(
         folder: &Path,
-        every: u64,
+        (maps, every): (usize, u64),
         trained: Trained,
     ) -> Result<(EvaluationFiles, Vec<EvaluationRow>), FileError> {
         let files = EvaluationFiles::of(folder);
         let mut rows = files.rows()?;
         rows.retain(|row| row.trained_steps <= trained.steps);
         files.check_rows(&rows, every, trained)?;
-        files.check_episodes(&rows)?;
+        files.check_episodes(&rows, maps * EVALUATION_EPISODES)?;
         let stays = |steps: u64| rows.iter().any(|row| row.steps == steps);
         let lines: String = rows.iter().map(EvaluationRow::line).collect();
         let header = EvaluationRow::COLUMNS.join(",") + "\n";
@@ -93,18 +101,18 @@ impl EvaluationFiles {
         Ok(())
     }
 
-    /// Every row must have its episodes.
-    fn check_episodes(&self, rows: &[EvaluationRow]) -> Result<(), FileError> {
+    /// Every row must have its episodes, so many of each kind.
+    fn check_episodes(&self, rows: &[EvaluationRow], expected: usize) -> Result<(), FileError> {
         let counts: HashMap<u64, [usize; 2]> =
             self.episodes()?.into_iter().map(|(steps, both)| (steps, both.map(|kind| kind.len()))).collect();
         for EvaluationRow { steps, .. } in rows {
             let counts = counts.get(steps).copied().unwrap_or_default();
             for (actions, found) in Choice::BOTH.into_iter().zip(counts) {
-                if found != EVALUATION_EPISODES {
+                if found != expected {
                     let actions = actions.name();
                     let why = format!(
                         "it has {found} {actions} episodes of the evaluation at {steps} steps, but \
-                         {EVALUATION_EPISODES} were played"
+                         {expected} were played"
                     );
                     return Err(FileError::Damaged { path: self.folder.join(EPISODES), why });
                 }
@@ -164,6 +172,20 @@ impl EvaluationFiles {
     /// All rows, by step count.
     pub fn rows(&self) -> Result<Vec<EvaluationRow>, FileError> {
         self.parse_rows(&self.lines(ROWS)?)
+    }
+
+    /// The same, with the means of the episodes on the first map of a run on so many.
+    pub fn rows_on_first(&self, maps: usize) -> Result<Vec<EvaluationRow>, FileError> {
+        let mut rows = self.rows()?;
+        if maps > 1 {
+            let episodes: HashMap<u64, BothEpisodes> = self.episodes()?.into_iter().collect();
+            for row in &mut rows {
+                if let Some(both) = episodes.get(&row.steps) {
+                    [row.greedy, row.sampled] = both.each_ref().map(|all| Summary::of(on_map(all, 0, maps)));
+                }
+            }
+        }
+        Ok(rows)
     }
 
     fn parse_rows(&self, text: &str) -> Result<Vec<EvaluationRow>, FileError> {

@@ -25,14 +25,15 @@ use crate::parallel::Interrupted;
 use crate::policy::Choice;
 use crate::tensors::{FileError, remove};
 use crate::training::TrainError;
-pub use files::{BothEpisodes, EvaluationFiles};
+pub use files::{BothEpisodes, EvaluationFiles, on_map};
 pub use final_result::FinalResult;
 pub use play::{Evaluator, Occasion};
 pub use row::{EvaluationRow, Summary};
 use smaclite_ipc::ClientError;
 use std::path::{Path, PathBuf};
 
-/// Episodes with greedy actions, and as many with sampled ones, of an evaluation while a run trains.
+/// Episodes with greedy actions, and as many with sampled ones, of an evaluation while a run trains, on each
+/// of its maps.
 pub const EVALUATION_EPISODES: usize = 32;
 
 /// The same for the best weights, at the end.
@@ -67,7 +68,7 @@ impl Evaluations {
     ) -> Result<Option<Evaluations>, TrainError> {
         let Some(every) = run.config.evaluate_every else { return Ok(None) };
         let evaluator = Evaluator::open(folder, run, threads)?;
-        let (files, rows) = EvaluationFiles::open(folder, every, trained)?;
+        let (files, rows) = EvaluationFiles::open(folder, (run.map_count(), every), trained)?;
         let total = run.config.steps;
         let is_due = trained.steps < total || rows.last().is_none_or(|last| last.steps < total);
         let (folder, run) = (folder.to_owned(), run.clone());

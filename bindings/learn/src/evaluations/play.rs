@@ -50,19 +50,25 @@ impl Occasion {
     }
 }
 
-/// Plays a run's team against what it trains against: its scripts, or the team of another run. In self-play
-/// the opponent is the script `attack_move`.
+/// Plays a run's team, on each of its maps, against what it trains against: its scripts, or the team of
+/// another run. In self-play the opponent is the script `attack_move`.
 pub struct Evaluator {
     seed: u64,
-    pairing: Pairing,
-    /// The team, and who plays the enemies.
-    players: [Player; 2],
+    /// In the order of the run's maps.
+    maps: Vec<Meeting>,
     scratches: Vec<Scratch>,
 }
 
-impl Evaluator {
-    /// Of the run in a folder.
-    pub fn open(folder: &Path, run: &RunDescription, threads: usize) -> Result<Evaluator, FileError> {
+/// Who meets on a map.
+struct Meeting {
+    pairing: Pairing,
+    /// The team, and who plays the enemies.
+    players: [Player; 2],
+}
+
+impl Meeting {
+    /// Of a run in a folder, on this map alone.
+    fn open(folder: &Path, run: RunDescription) -> Result<Meeting, FileError> {
         let (setup, enemies) = match &run.config.enemies {
             // What plays inside the engine has no seat; any script stands for it.
             Enemies::Scripts | Enemies::SelfPlay(_) => {
@@ -87,27 +93,23 @@ impl Evaluator {
             FileError::Damaged { path, why: problems.to_string() }
         })?;
         let network = run.playing(Team::new(&run.config, &run.inputs).actor);
-        let team = Player::Team(Box::new(TrainedTeam { run: run.clone(), network }));
+        let team = Player::Team(Box::new(TrainedTeam { run, network }));
         let pairing = Pairing { agents: 0, enemies: 1, arena: Arc::new(arena), is_exchanged: false };
-        let scratches = (0..threads.max(1)).map(|_| Scratch::new()).collect();
-        Ok(Evaluator { seed: run.config.seed, pairing, players: [team, enemies], scratches })
+        Ok(Meeting { pairing, players: [team, enemies] })
     }
 
-    /// Plays the episodes with these weights, as files have them. The same run, occasion and weights give the
-    /// same episodes.
-    pub fn play(
+    fn play(
         &mut self,
         actor: &Network,
-        occasion: Occasion,
-        choice: Choice,
+        play: Play,
         episodes: usize,
+        scratches: &mut [Scratch],
         interrupted: &mut dyn FnMut() -> bool,
     ) -> Result<Vec<Episode>, Interrupted> {
-        let Evaluator { pairing, players, scratches, .. } = self;
+        let Meeting { pairing, players } = self;
         if let Player::Team(team) = &mut players[0] {
             team.network = team.run.playing(actor.without_optimiser());
         }
-        let play = Play { seed: occasion.seed(self.seed, choice), choice };
         let mut ended = vec![Ended::default(); episodes];
         let jobs = ended.chunks_mut(LOCKSTEP).enumerate();
         parallel::run(jobs, scratches, interrupted, |(job, ended), scratch| {
@@ -120,5 +122,39 @@ impl Evaluator {
             won: if against_team { ended.winner == Some(Faction::Ally) } else { ended.battle_won },
         };
         Ok(ended.into_iter().map(episode).collect())
+    }
+}
+
+impl Evaluator {
+    /// Of the run in a folder.
+    ///
+    /// # Errors
+    /// If its files, or those of the team that plays the enemies, are damaged.
+    pub fn open(folder: &Path, run: &RunDescription, threads: usize) -> Result<Evaluator, FileError> {
+        let runs = run
+            .on_each_map()
+            .map_err(|error| FileError::Damaged { path: folder.join("run.json"), why: error.to_string() })?;
+        let maps = runs.into_iter().map(|run| Meeting::open(folder, run)).collect::<Result<_, _>>()?;
+        let scratches = (0..threads.max(1)).map(|_| Scratch::new()).collect();
+        Ok(Evaluator { seed: run.config.seed, maps, scratches })
+    }
+
+    /// Plays so many episodes on each map of the run with these weights, as files have them, and returns
+    /// those of one map after the other. The same run, occasion and weights give the same episodes.
+    pub fn play(
+        &mut self,
+        actor: &Network,
+        occasion: Occasion,
+        choice: Choice,
+        episodes: usize,
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> Result<Vec<Episode>, Interrupted> {
+        // A team that plays the enemies draws its actions, as in the training.
+        let play = Play { seed: occasion.seed(self.seed, choice), choices: [choice, Choice::Sampled] };
+        let mut all = Vec::with_capacity(episodes * self.maps.len());
+        for map in &mut self.maps {
+            all.extend(map.play(actor, play, episodes, &mut self.scratches, interrupted)?);
+        }
+        Ok(all)
     }
 }

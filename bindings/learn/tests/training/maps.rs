@@ -18,8 +18,7 @@ fn setups(names: &[&str]) -> Vec<BattleSetup> {
 }
 
 fn lanes(place: &Place, setups: &[BattleSetup], config: &Config, threads: usize) -> Vec<Lanes> {
-    let maps: Vec<_> = setups.iter().zip(config.envs_of_maps(setups.len())).collect();
-    Lanes::start_maps(&maps, config.last_actions, threads, &place.runtime_dir).unwrap()
+    Lanes::start_maps(setups, config, threads, &place.runtime_dir).unwrap()
 }
 
 fn begin(place: &Place, name: &str, setups: &[BattleSetup], config: &Config, threads: usize) -> Run {
@@ -79,7 +78,8 @@ fn a_resumed_run_on_several_maps_has_the_same_bits_on_any_number_of_threads() {
     assert_eq!(place.outcome("resumed"), place.outcome("whole"));
     let resume =
         |lanes| Run::resume_on_maps(&place.path("resumed"), None, lanes, 1).err().unwrap().to_string();
-    let error = resume(lanes(&place, &setups[..1], &config, 1));
+    let one = Lanes::start(&setups[0], 12, 0, 1, &place.runtime_dir).unwrap();
+    let error = resume(vec![one]);
     assert_eq!(error, "the run has 3 maps, but lanes were given for 1");
     let mut uneven = lanes(&place, &setups, &config, 1);
     let start = |setup, num_envs| Lanes::start(setup, num_envs, 0, 1, &place.runtime_dir).unwrap();
@@ -146,7 +146,11 @@ fn what_is_for_one_map_is_refused() {
     assert!(error.starts_with("the team was trained in `3m` and plays that alone"), "{error}");
     let refuse_on = |maps: &[&str], config: Config| {
         let setups = setups(maps);
-        let maps = setups.iter().cloned().zip(lanes(&place, &setups, &config, 1)).collect();
+        let lanes = match Lanes::start_maps(&setups, &config, 1, &place.runtime_dir) {
+            Ok(lanes) => lanes,
+            Err(error) => return error.to_string(),
+        };
+        let maps = setups.into_iter().zip(lanes).collect();
         Run::begin_on_maps(&place.path("new"), config, maps, 1).err().unwrap().to_string()
     };
     let error = refuse_on(&["3m", "8m", "3m"], universal(Config { num_envs: 6, ..small() }));
@@ -154,8 +158,6 @@ fn what_is_for_one_map_is_refused() {
     let refuse = |config: Config| refuse_on(&["3m", "8m"], config);
     let error = refuse(small());
     assert_eq!(error, "network must be `universal` with several maps, got `flat`");
-    let error = refuse(universal(evaluated()));
-    assert!(error.starts_with("evaluate_every must be left out with several maps"), "{error}");
     let enemies = Enemies::SelfPlay(SelfPlay::LEAGUE);
     let error = refuse(universal(Config { enemies, ..small() }));
     assert!(error.starts_with("network must be `flat` or `units` where a team plays"), "{error}");

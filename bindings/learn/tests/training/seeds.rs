@@ -2,7 +2,7 @@
 //! trained together continue together.
 
 use crate::kit::{Place, evaluated, scenario, small};
-use smaclite_learn::{Config, Enemies, RunDescription, SeedEvent, Seeds, TrainError};
+use smaclite_learn::{Config, Enemies, RunDescription, Seeds, TrainError, TrainEvent};
 use std::fs;
 use std::sync::Mutex;
 
@@ -14,10 +14,10 @@ fn seeds_train_together_as_they_do_alone() {
         place.train(&format!("alone-{seed}"), &Config { seed, ..evaluated() }, 2);
     }
     let folder = place.path("runs");
-    let seeds = Seeds::begin(&folder, &evaluated(), 3, &scenario(), &place.runtime_dir).unwrap();
+    let seeds = Seeds::begin(&folder, &evaluated(), 3, &[scenario()], &place.runtime_dir).unwrap();
     let updates = Mutex::new(0);
-    let count = |_: u64, event: SeedEvent| {
-        if let SeedEvent::Updated(_) = event {
+    let count = |_: u64, event: TrainEvent| {
+        if let TrainEvent::Updated(_) = event {
             *updates.lock().unwrap() += 1;
         }
     };
@@ -27,16 +27,16 @@ fn seeds_train_together_as_they_do_alone() {
     assert!(!folder.join("seed-5/final.json").exists());
 
     let seeds = Seeds::open(&folder, None).unwrap().unwrap();
-    let ended = Mutex::new(Vec::new());
-    let note = |seed: u64, event: SeedEvent| {
-        if let SeedEvent::Ended { is_complete } = event {
-            ended.lock().unwrap().push((seed, is_complete));
+    let completed = Mutex::new(Vec::new());
+    let note = |seed: u64, event: TrainEvent| {
+        if let TrainEvent::Completed = event {
+            completed.lock().unwrap().push(seed);
         }
     };
     seeds.train(None, 2, &place.runtime_dir, &|| false, &note);
-    let mut ended = ended.into_inner().unwrap();
-    ended.sort_unstable();
-    assert_eq!(ended, [(3, true), (4, true), (5, true)]);
+    let mut completed = completed.into_inner().unwrap();
+    completed.sort_unstable();
+    assert_eq!(completed, [3, 4, 5]);
     for seed in 3..6 {
         let (alone, together) = (format!("alone-{seed}"), format!("runs/seed-{seed}"));
         assert_eq!(place.outcome(&alone), place.outcome(&together), "seed {seed}");
@@ -48,7 +48,7 @@ fn seeds_train_together_as_they_do_alone() {
 fn an_error_of_one_seed_does_not_end_the_others() {
     let place = Place::new();
     let folder = place.path("runs");
-    let seeds = Seeds::begin(&folder, &small(), 3, &scenario(), &place.runtime_dir).unwrap();
+    let seeds = Seeds::begin(&folder, &small(), 3, &[scenario()], &place.runtime_dir).unwrap();
     fs::write(folder.join("seed-4/checkpoint.safetensors"), "nothing").unwrap();
     let results = seeds.train(None, 1, &place.runtime_dir, &|| false, &|_, _| {});
     let failed: Vec<u64> =
@@ -58,7 +58,7 @@ fn an_error_of_one_seed_does_not_end_the_others() {
     // Also with other seeds: they began, with any options, and from then on nothing continued the folder.
     for seed in [3, 6] {
         let config = Config { seed, ..small() };
-        let again = Seeds::begin(&folder, &config, 3, &scenario(), &place.runtime_dir);
+        let again = Seeds::begin(&folder, &config, 3, &[scenario()], &place.runtime_dir);
         assert!(again.err().unwrap().to_string().contains("seed-3` already holds a run"));
     }
 }
@@ -72,7 +72,8 @@ fn seeds_that_are_missing_begin_later() {
     let config = Config { enemies, ..evaluated() };
     let folder = place.path("runs");
     fs::create_dir_all(folder.join("seed-5/checkpoint.safetensors")).unwrap(); // in the way
-    let error = Seeds::begin(&folder, &config, 4, &scenario(), &place.runtime_dir).err().unwrap().to_string();
+    let error =
+        Seeds::begin(&folder, &config, 4, &[scenario()], &place.runtime_dir).err().unwrap().to_string();
     assert!(error.contains("the run with seed 5 could not begin: `"), "{error}");
     assert!(error.contains("/runs --seeds 4` begins the missing runs"), "{error}");
     fs::remove_dir(folder.join("seed-5/checkpoint.safetensors")).unwrap();
@@ -109,7 +110,7 @@ fn seeds_that_are_missing_begin_later() {
 fn a_seed_without_its_description_is_no_seed_that_is_missing() {
     let place = Place::new();
     let folder = place.path("runs");
-    let begin = || Seeds::begin(&folder, &evaluated(), 2, &scenario(), &place.runtime_dir);
+    let begin = || Seeds::begin(&folder, &evaluated(), 2, &[scenario()], &place.runtime_dir);
     begin().unwrap().train(None, 2, &place.runtime_dir, &|| false, &|_, _| {});
     fs::remove_file(folder.join("seed-4/run.json")).unwrap();
     let expected =
