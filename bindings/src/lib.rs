@@ -66,7 +66,7 @@ mod _native {
     #[pymodule_export]
     use super::spectator::Spectator;
     #[pymodule_export]
-    use super::team::read_team;
+    use super::team::{TeamNetwork, read_team};
     #[pymodule_export]
     use super::views::Frame;
 

@@ -3,11 +3,11 @@
 use crate::convert::to_dict;
 use crate::errors::{invalid_request, shown};
 use crate::wait::run_on_thread;
-use numpy::PyArray1;
+use numpy::{PyArray1, PyArray3, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray3, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
-use smaclite_engine::{BattleSetup, EpisodeLimit, Opponents, Rules, TargetLayout, UnitLayout};
-use smaclite_learn::{RunDescription, TeamTensor, TrainedTeam, Weights, resolve_scenario, with_an_end};
+use pyo3::types::{PyBytes, PyDict, PyType};
+use smaclite_engine::{BattleSetup, EpisodeLimit, Opponents, Rules};
+use smaclite_learn::{RunDescription, TrainedTeam, Weights, resolve_scenario, with_an_end};
 use std::path::{Path, PathBuf};
 
 /// What Python needs of a run besides its configuration.
@@ -19,22 +19,52 @@ struct Description<'a> {
     episode_limit: EpisodeLimit,
     opponent: &'a Opponents,
     obs_shape: [usize; 2],
-    units: Option<Layouts<'a>>,
 }
 
-/// What a network over units needs besides its tensors.
-#[derive(serde::Serialize)]
-struct Layouts<'a> {
-    obs: &'a UnitLayout,
-    targets: &'a TargetLayout,
+/// The policy of a team.
+#[pyclass(frozen, module = "smaclite_pool._native")]
+pub struct TeamNetwork(TrainedTeam);
+
+#[pymethods]
+impl TeamNetwork {
+    /// From what `__reduce__` says.
+    #[new]
+    fn new(run: &[u8], params: PyReadonlyArray1<'_, f32>) -> PyResult<TeamNetwork> {
+        let team = TrainedTeam::from_parts(run, params.as_array().to_vec());
+        let team = team.ok_or_else(|| {
+            invalid_request("the pickled team is damaged, or was pickled by another release".to_owned())
+        });
+        Ok(TeamNetwork(team?))
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> (Bound<'py, PyType>, TeamParts<'py>) {
+        let (run, params) = self.0.parts();
+        (py.get_type::<TeamNetwork>(), (PyBytes::new(py, &run), PyArray1::from_slice(py, params)))
+    }
+
+    /// The outputs, float32 [M, n_agents, n_actions], for contiguous observations, float32
+    /// [M, n_agents, obs_size].
+    fn logits<'py>(
+        &self,
+        py: Python<'py>,
+        obs: PyReadonlyArray3<'py, f32>,
+    ) -> PyResult<Bound<'py, PyArray3<f32>>> {
+        let sizes = self.0.run().sizes;
+        let copied = obs.as_slice()?.to_vec(); // others may write there while this thread is detached
+        let outputs = py.detach(|| self.0.logits(&copied));
+        let shape = [obs.shape()[0], sizes.n_agents, sizes.n_actions];
+        PyArray1::from_vec(py, outputs).reshape(shape)
+    }
 }
+
+/// What a policy is pickled as.
+type TeamParts<'py> = (Bound<'py, PyBytes>, Bound<'py, PyArray1<f32>>);
 
 /// The run in a folder, or a team of the zoo as `zoo:3m`: a dict of `config`, `name` (of the scenario),
 /// `scenario` (the same if it is a standard one, else None), `rules`, `episode_limit`, `opponent`,
-/// `obs_shape` (n_agents and obs_size), `units` (for a network over units, where observations and actions
-/// have which unit; else None), and `tensors`, float32 arrays by name. `weights` are "best" or "last"; None
-/// for those that the program takes. `map` is the name or file of the scenario that it is to play instead of
-/// its own, for networks that fit every scenario. With `enemies` it is to play those.
+/// `obs_shape` (n_agents and obs_size), and `network`. `weights` are "best" or "last"; None for those that
+/// the program takes. `map` is the name or file of the scenario that it is to play instead of its own, for
+/// networks that fit every scenario. With `enemies` it is to play those.
 ///
 /// Raises:
 ///     InvalidRequest: there is no such team, its files are damaged, or it does not play that map or its
@@ -70,15 +100,10 @@ pub fn read_team<'py>(
         episode_limit,
         opponent: &opponents,
         obs_shape: [run.sizes.n_agents, run.sizes.obs_size],
-        units: team.layouts().map(|(obs, targets)| Layouts { obs, targets }),
     };
     let described = to_dict(py, &described)?;
     described.set_item("config", to_dict(py, &run.config)?)?;
-    let tensors = PyDict::new(py);
-    for TeamTensor { name, shape, values } in team.tensors() {
-        tensors.set_item(name, PyArray1::from_vec(py, values).call_method1("reshape", (shape,))?)?;
-    }
-    described.set_item("tensors", tensors)?;
+    described.set_item("network", TeamNetwork(team))?;
     Ok(described)
 }
 

@@ -1,4 +1,4 @@
-"""Teams in Python: trained by the program, and played in NumPy as the program plays them."""
+"""Teams in Python: trained by the program, and played as the program plays them."""
 
 from __future__ import annotations
 

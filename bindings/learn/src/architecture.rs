@@ -171,14 +171,6 @@ impl Architecture {
         Some([specialisation(actor, on_actor, of_obs), specialisation(critic, on_critic, of_critic)])
     }
 
-    /// The layouts of an actor over units.
-    pub fn layouts(&self) -> Option<(&UnitLayout, &TargetLayout)> {
-        match self {
-            Architecture::Flat(_) => None,
-            Architecture::Units(network) => network.layouts(),
-        }
-    }
-
     /// Length of the vector of parameters.
     pub fn n_params(&self) -> usize {
         match self {

@@ -1,36 +1,27 @@
 //! A trained team that plays one side of a single battle, which its caller steps: no lane, no pool.
 
 use crate::actor::{Actor, Draw, Rows};
-use crate::architecture::Workspace;
+use crate::adam::Adam;
+use crate::architecture::{Architecture, Workspace};
 use crate::config::NetworkKind;
 use crate::description::{OtherMap, RunDescription, Weights, read_team, read_team_of};
 use crate::lanes::sizes_with_history;
-use crate::linear::Tensor;
 use crate::policy::Choice;
 use crate::random::Purpose;
 use crate::team::{Network, agent_ids};
 use crate::tensors::FileError;
-use smaclite_engine::{Arena, Battle, BattleSetup, Scratch, Sizes, TargetLayout, UnitLayout, action};
+use smaclite_engine::{Arena, Battle, BattleSetup, Scratch, Sizes, action};
 use smaclite_scenarios::Faction;
 use std::path::Path;
+
+/// Rows of observations whose outputs are computed at a time, so that what is between them stays small.
+const ROWS_AT_A_TIME: usize = 128;
 
 /// A team as `smaclite-pool train` leaves it in a folder.
 #[derive(Debug)]
 pub struct TrainedTeam {
     pub(crate) run: RunDescription,
     pub(crate) network: Network,
-}
-
-/// A tensor of a team's network, as its file has it: `0.weight`, `0.bias` and so on, and `id_bias`; of a
-/// network over units `own.weight`, `enemies.0.weight` and so on.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TeamTensor {
-    /// The name, without `actor.`.
-    pub name: String,
-    /// The shape; weights are `[outputs, inputs]`.
-    pub shape: Vec<usize>,
-    /// The elements, all finite.
-    pub values: Vec<f32>,
 }
 
 /// A team has networks for units of other numbers or kinds.
@@ -126,21 +117,20 @@ impl TrainedTeam {
         &self.run
     }
 
-    /// The tensors of its network.
-    pub fn tensors(&self) -> Vec<TeamTensor> {
-        let Network { architecture, params, .. } = &self.network;
-        let tensors = architecture.tensors().into_iter();
-        let copy = |tensor: Tensor| {
-            let (name, shape) = (tensor.name, tensor.shape);
-            TeamTensor { name, shape, values: params[tensor.range].to_vec() }
-        };
-        tensors.map(copy).collect()
+    /// The team in two parts, of which [`from_parts`](Self::from_parts) makes it again, also in another
+    /// process: what `run.json` says, and the parameters of its network.
+    #[must_use]
+    pub fn parts(&self) -> (Vec<u8>, &[f32]) {
+        (self.run.to_json(), &self.network.params)
     }
 
-    /// For a network over units, which columns of an observation belong to which unit, and what actions
-    /// target; `None` for a flat one.
-    pub fn layouts(&self) -> Option<(&UnitLayout, &TargetLayout)> {
-        self.network.architecture.layouts()
+    /// A team from its [`parts`](Self::parts); `None` if they are not those of one team.
+    #[must_use]
+    pub fn from_parts(run: &[u8], params: Vec<f32>) -> Option<TrainedTeam> {
+        let run = RunDescription::from_json(run)?;
+        let architecture = Architecture::actor(&run.config, &run.inputs);
+        let are_all = params.len() == architecture.n_params() && params.iter().all(|param| param.is_finite());
+        are_all.then(|| TrainedTeam { run, network: Network { architecture, params, adam: Adam::new(0) } })
     }
 
     /// Whether the team has the networks for a side of an arena.
@@ -166,18 +156,23 @@ impl TrainedTeam {
         })
     }
 
-    /// The network's outputs, f32 `[n_agents, n_actions]`, for the observations of a battle, f32
-    /// `[n_agents, obs_size]`, which include the last actions.
+    /// The network's outputs, f32 `[m, n_agents, n_actions]`, for the observations of `m` battles, f32
+    /// `[m, n_agents, obs_size]`, which include the last actions.
     ///
     /// # Panics
     /// If `obs` has another size.
     pub fn logits(&self, obs: &[f32]) -> Vec<f32> {
         let Sizes { n_agents, n_actions, obs_size, .. } = self.run.sizes;
-        assert_eq!(obs.len(), n_agents * obs_size, "[n_agents, obs_size]");
-        let mut workspace = Workspace::default();
-        self.network.forward(obs, &agent_ids(n_agents, n_agents), &mut workspace);
-        let rows = workspace.output().chunks_exact(self.network.architecture.padded_out());
-        rows.flat_map(|row| row[..n_actions].to_vec()).collect()
+        assert_eq!(obs.len() % (n_agents * obs_size), 0, "[m, n_agents, obs_size]");
+        let battles_at_a_time = (ROWS_AT_A_TIME / n_agents).max(1);
+        let mut outputs = Vec::with_capacity(obs.len() / obs_size * n_actions);
+        let (mut workspace, ids) = (Workspace::default(), agent_ids(battles_at_a_time * n_agents, n_agents));
+        for obs in obs.chunks(battles_at_a_time * n_agents * obs_size) {
+            self.network.forward(obs, &ids[..obs.len() / obs_size], &mut workspace);
+            let rows = workspace.output().chunks_exact(self.network.architecture.padded_out());
+            rows.for_each(|row| outputs.extend_from_slice(&row[..n_actions]));
+        }
+        outputs
     }
 
     /// The actions of a side's units, drawn by their probability. `past` are the side's actions of the steps

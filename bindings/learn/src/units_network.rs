@@ -142,11 +142,6 @@ impl UnitsNetwork {
         }
     }
 
-    /// The layouts of an actor.
-    pub fn layouts(&self) -> Option<(&UnitLayout, &TargetLayout)> {
-        Some((&self.layout, self.targets.as_ref()?))
-    }
-
     /// Length of the vector of parameters.
     pub fn n_params(&self) -> usize {
         self.n_params

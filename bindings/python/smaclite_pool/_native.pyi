@@ -40,6 +40,7 @@ __all__ = [
     "Renderer",
     "ScriptedPolicy",
     "Spectator",
+    "TeamNetwork",
     "__version__",
     "check_settings",
     "connect",
@@ -522,6 +523,14 @@ def pack_snapshot(
 
 def check_settings(function: str, settings: dict[str, Any], own: list[str], refused: list[str]) -> None: ...
 def run_program(args: list[str]) -> int: ...
+
+@final
+class TeamNetwork:
+    """The policy of a trained team."""
+
+    def __new__(cls, run: bytes, params: NDArray[np.float32]) -> TeamNetwork: ...
+    def logits(self, obs: NDArray[np.float32]) -> NDArray[np.float32]: ...
+
 def read_team(
     folder: str | PathLike[str],
     weights: str | None = None,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import secrets
-from collections.abc import Callable
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
@@ -12,42 +11,14 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ._native import ZOO, read_team
+from ._native import ZOO, TeamNetwork, read_team
 from ._requirements import require_integer
-from ._units_network import UnitsNetwork
 from .errors import InvalidRequest
 
 if TYPE_CHECKING:
     from . import Batch
 
 Array = NDArray[np.float32]
-
-
-def relu(x: Array) -> Array:
-    return np.maximum(x, 0, dtype=np.float32)
-
-
-HIDDEN: dict[str, Callable[[Array], Array]] = {"relu": relu, "tanh": np.tanh}
-"""The non-linearities that `run.json` can name."""
-
-
-class FlatNetwork:
-    """Layers over all features, with a bias per agent in the first one."""
-
-    def __init__(self, tensors: dict[str, Array], n_layers: int, hidden: Callable[[Array], Array]) -> None:
-        self._layers = [(tensors[f"{i}.weight"].T, tensors[f"{i}.bias"]) for i in range(n_layers)]
-        self._id_bias = tensors["id_bias"]
-        self._hidden = hidden
-
-    def __call__(self, obs: Array) -> Array:
-        x = obs
-        for i, (weight, bias) in enumerate(self._layers):
-            x = x @ weight + bias
-            if i == 0:
-                x += self._id_bias
-            if i < len(self._layers) - 1:
-                x = self._hidden(x)
-        return x
 
 
 class Team:
@@ -61,9 +32,9 @@ class Team:
 
     Called with a batch, it returns actions of its side, int32 [M, n_agents]: drawn by their probabilities
     from a generator of its own, or the most probable ones with `greedy`. The batch must have `obs` and
-    `avail_actions`, or with `side="enemies"` `enemy_obs` and `enemy_avail_actions`. It computes in NumPy what
-    `smaclite-pool evaluate` computes in Rust, up to rounding. It can be pickled and copied; a copy draws on
-    from the same state of the generator.
+    `avail_actions`, or with `side="enemies"` `enemy_obs` and `enemy_avail_actions`. Its network is that of
+    `smaclite-pool evaluate`. It can be pickled and copied; a copy draws on from the same state of the
+    generator.
     """
 
     def __init__(
@@ -107,13 +78,7 @@ class Team:
             self.settings |= {"sides": "both", "mirror": True}
         else:
             self.settings["opponent"] = run["opponent"]
-        tensors, units = run["tensors"], run["units"]
-        hidden = HIDDEN[self.config["activation"]]
-        self._network: FlatNetwork | UnitsNetwork
-        if units is None:
-            self._network = FlatNetwork(tensors, len(self.config["hidden"]) + 1, hidden)
-        else:
-            self._network = UnitsNetwork(tensors, units["obs"], units["targets"], hidden)
+        self._network: TeamNetwork = run["network"]
         self._obs_shape: tuple[int, int] = tuple(run["obs_shape"])
 
     def __copy__(self) -> Team:
@@ -138,7 +103,7 @@ class Team:
                 f"the team of {self.name} has observations [M, {expected[0]}, {expected[1]}], got "
                 f"{list(obs.shape)}: {why} with `**team.settings`"
             )
-        return self._network(obs)
+        return self._network.logits(np.ascontiguousarray(obs, np.float32))
 
     def __call__(self, batch: Batch) -> NDArray[np.int32]:
         if self.side == "enemies":
