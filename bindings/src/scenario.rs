@@ -18,7 +18,8 @@ use smaclite_units::{Plane, Targeter, UnitType};
 ///         and its figures under their rules; those of a name are SMAClite's.
 ///
 /// Returns:
-///     A dict with `name`, `width` and `height` (squares), `walkable` (rows of booleans, the southern row
+///     A dict with `name`, `hash` (16 hexadecimal digits, equal for scenarios and unit types that are equal
+///         in everything that files say), `width` and `height` (squares), `walkable` (rows of booleans, the southern row
 ///         first), `attack_point` ([x, y]), `num_unit_types` (length of the type one-hot, 0 for none),
 ///         `ally_has_shields` and `enemy_has_shields` (whether observations and state contain them),
 ///         `episode_limit` (steps or None), `teams_are_drawn` (whether each episode draws the types of the
@@ -48,6 +49,7 @@ fn described(scenario: &Scenario, rules: Rules) -> Value {
     let scenario = &*rules.figures(scenario);
     json!({
         "name": scenario.name,
+        "hash": format!("{:016x}", arena.scenario_hash()),
         "width": scenario.terrain.width(),
         "height": scenario.terrain.height(),
         "walkable": walkable(&scenario.terrain),

@@ -92,6 +92,8 @@ class Scenario(TypedDict):
     """What `smaclite_pool.scenario` returns."""
 
     name: str
+    hash: str
+    """16 hexadecimal digits, equal for scenarios and unit types that are equal in everything that files say."""
     width: int
     """In squares."""
     height: int

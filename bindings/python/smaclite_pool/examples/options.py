@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import hashlib
 import json
 import re
 from dataclasses import asdict, field, fields
@@ -84,12 +83,12 @@ def _check_device(parser: argparse.ArgumentParser, device: str) -> None:
 
 
 def write_options(folder: Path, options: Any, **more: Any) -> None:
-    """Makes the folder of a run, with the options and a hash of the scenario, by which `report` knows what
-    was played: two files can have the same name."""
-    scenario = json.dumps(sp.scenario(options.scenario), sort_keys=True)
-    battles = hashlib.sha256(scenario.encode()).hexdigest()
+    """Makes the folder of a run, with the options, and with the name and the hash of the scenario, by which
+    `report` knows what was played: two files can have the same name, and one another name than its file."""
+    scenario = sp.scenario(options.scenario)
+    played = {"scenario": scenario["name"], "file": str(options.scenario), "battles": scenario["hash"]}
     folder.mkdir(parents=True)
-    (folder / "options.json").write_text(json.dumps(asdict(options) | more | {"battles": battles}, indent=2))
+    (folder / "options.json").write_text(json.dumps(asdict(options) | more | played, indent=2))
 
 
 def _flag(name: str) -> str:
