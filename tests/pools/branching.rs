@@ -283,7 +283,6 @@ fn every_map_continues_from_its_records_with_the_same_bits() {
     }
 }
 
-/// A learner can send any bytes: they are refused, or give a battle that can be played and saved.
 /// Of enemies that a script plays, a lane of both sides keeps no-ops, which a record has not when it was read
 /// and written again in an arena of one side, as by Python's `pack_snapshot`.
 #[test]
@@ -313,46 +312,29 @@ fn a_record_is_the_same_when_it_is_written_again_for_every_opponent() {
     }
 }
 
+/// A learner can send any bytes. What is edited and sealed again is below, and in `inputs`.
 #[test]
-fn damaged_records_are_refused_or_played() {
-    let (mut scratch, mut rng) = (Scratch::new(), Pcg64::seed_from_u64(6));
-    let (mut refused, mut played) = (0, 0);
-    for name in ["2s3z", "MMM", "2c_vs_64zg", "bane_vs_bane"] {
-        let scenario = Scenario::resolve(name).expect("a standard scenario");
-        let arena = Arc::new(Arena::new(&scenario, Rules::Smaclite));
-        let layout = record_layout(&arena);
-        let mut battle = Battle::new(Arc::clone(&arena), 4);
-        play(&mut battle, 9, &mut scratch);
-        let mut good = vec![0; layout.size()];
-        battle.write_record(&layout, &[], &mut good);
-        for _ in 0..2500 {
-            let mut record = good.clone();
-            for _ in 0..rng.random_range(1..4) {
-                let at = rng.random_range(0..record.len());
-                record[at] = rng.random();
-            }
-            if rng.random_ratio(1, 20) {
-                record.truncate(rng.random_range(0..record.len()));
-            } else if rng.random_ratio(9, 10) {
-                layout.seal(&mut record);
-            }
-            let mut snapshot = Snapshot::default();
-            match snapshot.read_record(&arena, 0, &record, &mut Vec::new()) {
-                Err(error) => {
-                    assert!(!error.to_string().is_empty());
-                    refused += 1;
-                }
-                Ok(()) => {
-                    let mut battle = Battle::new(Arc::clone(&arena), 0);
-                    battle.restore(&snapshot).expect("it was checked");
-                    play(&mut battle, 2, &mut scratch);
-                    battle.clone().restore(&battle.save()).expect("a state that can be saved");
-                    played += 1;
-                }
-            }
+fn a_record_that_is_cut_or_damaged_is_refused() {
+    let scenario = Scenario::resolve("MMM").expect("a standard scenario");
+    let arena = Arc::new(Arena::new(&scenario, Rules::Smaclite));
+    let layout = record_layout(&arena);
+    let mut good = vec![0; layout.size()];
+    Battle::new(Arc::clone(&arena), 4).write_record(&layout, &[], &mut good);
+    let refusal = |record: &[u8]| {
+        let read = Snapshot::default().read_record(&arena, 0, record, &mut Vec::new());
+        read.expect_err("a damaged record").to_string()
+    };
+    for at in 0..good.len() {
+        assert!(!refusal(&good[..at]).is_empty());
+        let mut damaged = good.clone();
+        damaged[at] ^= 1 << (at % 8);
+        assert!(!refusal(&damaged).is_empty());
+        // A seal mends the checksum, and not what the record is of.
+        if (8..RecordLayout::START_OF_VALUES).contains(&at) {
+            layout.seal(&mut damaged);
+            assert!(!refusal(&damaged).is_empty());
         }
     }
-    assert!(refused > 1000 && played > 1000, "{refused} refused, {played} played");
 }
 
 /// All 38 maps, the generated ones with everything that draws and hides, too.
