@@ -1,16 +1,13 @@
-//! A learner of the pool's own process steps environments while it waits. It sees the same bits as any other,
-//! and no thread waits forever, also if the learner or the pool fails. Every frame is compared with the
-//! [reference](smaclite_tests::reference).
+//! A learner of the pool's own process steps environments while it waits. No thread waits forever, also if the
+//! learner or the pool fails. Every frame is compared with the [reference](smaclite_tests::reference); that such
+//! a learner sees the same bits as any other is tested in `stepping`.
 
-use smaclite_ipc::{ClientError, Supervisor, WaitOptions, WaitStrategy};
-use smaclite_pool::Autoreset;
+use smaclite_ipc::{ClientError, Supervisor, WaitStrategy};
 use smaclite_tests::fault::Fault;
 use smaclite_tests::learner::LearnerError;
 use smaclite_tests::process::TIMEOUT;
 use smaclite_tests::{LanePlan, Learner, PoolPlan, TestDir};
 use std::time::Duration;
-
-const STRATEGIES: [WaitStrategy; 3] = [WaitStrategy::Adaptive, WaitStrategy::Spin, WaitStrategy::Block];
 
 fn local_learner(pool: &Supervisor, plan: &LanePlan, wait: WaitStrategy) -> Learner {
     Learner::new(pool.connect(Some(&plan.name), wait).expect("a client"), plan)
@@ -20,22 +17,6 @@ fn local_learner(pool: &Supervisor, plan: &LanePlan, wait: WaitStrategy) -> Lear
 fn run(learner: &mut Learner, steps: usize) -> Result<(), LearnerError> {
     learner.reset(Some(3), TIMEOUT)?;
     (0..steps).try_for_each(|_| learner.step(TIMEOUT).map(drop))
-}
-
-#[test]
-fn a_learner_that_calls_sees_the_bits_of_the_reference() {
-    for wait in STRATEGIES {
-        for autoreset in [Autoreset::NextStep, Autoreset::SameStep] {
-            for (threads, batch_size) in [(1, 12), (2, 12), (4, 12), (1, 5), (3, 5), (2, 1)] {
-                let dir = TestDir::new();
-                let plan =
-                    LanePlan { autoreset, batch_size, episode_limit: Some(9), ..LanePlan::new("2s3z", 12) };
-                let pool = dir.start(&PoolPlan::new([plan.clone()]).threads(threads));
-                let result = run(&mut local_learner(&pool, &plan, wait), 200 / batch_size);
-                result.unwrap_or_else(|e| panic!("{threads} threads, {batch_size} of 12, {wait:?}: {e}"));
-            }
-        }
-    }
 }
 
 /// More learners than workers, each on its own thread, and one on a thread that serves two lanes in turn.
@@ -138,47 +119,5 @@ fn a_pool_ends_while_its_learners_take_part() {
         assert!(matches!(ended, LearnerError::Client(ClientError::PoolDied { .. })), "{ended}");
         drop(learner);
         dir.assert_empty();
-    }
-}
-
-#[test]
-fn a_wait_of_a_learner_that_calls_ends_by_its_timeout_or_an_interruption() {
-    let dir = TestDir::new();
-    let slow = Fault::Sleep(Duration::from_millis(700));
-    let plan = LanePlan { batch_size: 2, ..LanePlan::new("2s3z", 2) }.fault(0, slow);
-    let pool = dir.start(&PoolPlan::new([plan.clone()]).threads(1));
-    for wait in STRATEGIES {
-        let mut client = pool.connect(None, wait).expect("a client");
-        let mut never = || false;
-        drop(client.reset(None, None, WaitOptions::forever()).expect("a reset"));
-        let mut actions = vec![0; 10];
-        client.sample_actions(None, &mut actions).expect("actions");
-        client.send(&actions, None, WaitOptions::forever()).expect("sent");
-        std::thread::sleep(Duration::from_millis(50)); // the worker has the slow environment now
-        let timeout = Some(Duration::from_millis(50));
-        let error = client.recv(WaitOptions { timeout, interrupted: &mut never }).expect_err("it sleeps");
-        assert!(error.to_string().contains("0.05 s"), "{error}");
-        let mut interrupted = || true;
-        let error = client.recv(WaitOptions { timeout: None, interrupted: &mut interrupted });
-        assert!(error.expect_err("interrupted").to_string().contains("interrupted"));
-        client.recv(WaitOptions::forever()).expect("the result still comes");
-    }
-}
-
-/// Resets of all environments while steps are under way: an environment's tasks keep their order, whichever
-/// threads take them.
-#[test]
-fn resets_overtake_no_step() {
-    for (threads, batch_size) in [(1, 8), (2, 8), (4, 8), (2, 4), (4, 1)] {
-        let dir = TestDir::new();
-        let plan = LanePlan { batch_size, ..LanePlan::new("2s3z", 8) };
-        let pool = dir.start(&PoolPlan::new([plan.clone()]).threads(threads));
-        let mut learner = local_learner(&pool, &plan, WaitStrategy::Adaptive);
-        learner.reset(None, TIMEOUT).expect("a reset");
-        for repetition in 0..100 {
-            learner.send().expect("sent");
-            let seed = (repetition % 3 > 0).then_some(repetition);
-            learner.reset(seed, TIMEOUT).unwrap_or_else(|e| panic!("{threads} threads, {repetition}: {e}"));
-        }
     }
 }

@@ -146,18 +146,13 @@ fn a_unit_may_begin_where_its_scenario_puts_it_also_on_a_blocked_square() {
     assert!(matches!(battle.reset_to(&beside), Err(LevelError::Blocked { .. })));
 }
 
-/// A client of a lane with all fields.
-fn client(dir: &TestDir, plan: &PoolPlan) -> Client {
-    dir.learner(&plan.lanes[0]).into_client()
-}
-
 #[test]
 fn a_lane_begins_with_levels_or_refuses_all_of_them() {
     let dir = TestDir::new();
     let fields = Some(FIELDS.iter().map(|spec| spec.name.to_owned()).collect());
     let plan = PoolPlan::new([LanePlan { fields, ..LanePlan::new("3m", 3) }]).threads(2);
     let _pool = dir.start(&plan);
-    let mut client = client(&dir, &plan);
+    let mut client = dir.client();
     let wait = || WaitOptions { timeout: Some(std::time::Duration::from_secs(5)), ..WaitOptions::forever() };
     let first = client.reset(Some(1), None, wait()).expect("a batch");
     let mut levels = first.field::<f32>(Field::Level).expect("the lane has it").to_vec();
@@ -193,7 +188,7 @@ fn after_a_refused_request_the_lane_and_its_learner_agree() {
         let plan = PoolPlan::new([LanePlan { fields, batch_size: 2, ..LanePlan::new("3m", 4) }]).threads(1);
         let pool = dir.start(&plan);
         let connect = || pool.connect(None, WaitStrategy::default()).expect("a client");
-        let mut client = if is_local { connect() } else { client(&dir, &plan) };
+        let mut client = if is_local { connect() } else { dir.client() };
         let wait =
             || WaitOptions { timeout: Some(std::time::Duration::from_secs(5)), ..WaitOptions::forever() };
         let recv = |client: &mut Client| {

@@ -61,11 +61,6 @@ impl Learner {
         &mut self.client
     }
 
-    /// The client alone.
-    pub fn into_client(self) -> Client {
-        self.client
-    }
-
     /// What the lane must produce.
     pub fn reference(&self) -> &Reference {
         &self.reference
