@@ -2,7 +2,9 @@
 
 use smaclite_cli::bench::throughput::median;
 use smaclite_engine::BattleSetup;
-use smaclite_ipc::{Client, LaneConfig, RuntimeDir, Supervisor, SupervisorConfig, WaitOptions, WaitStrategy};
+use smaclite_ipc::{
+    Client, LaneConfig, Order, RuntimeDir, Supervisor, SupervisorConfig, WaitOptions, WaitStrategy,
+};
 use smaclite_pool::fields::{Field, FieldSet};
 use smaclite_pool::{LaneSettings, PoolOptions};
 use smaclite_scenarios::ScenarioFiles;
@@ -56,12 +58,14 @@ impl Lane {
     /// Environment 0 becomes all of them.
     fn fork(&mut self) -> Result<(), Box<dyn Error>> {
         let all: Vec<i32> = (0..NUM_ENVS as i32).collect();
-        self.client.fork(&[0; NUM_ENVS], &all, None, WaitOptions::forever())?;
+        let fork = Order::Fork { from: &[0; NUM_ENVS], seed: None };
+        self.client.request(fork, Some(&all), WaitOptions::forever())?;
         Ok(())
     }
 
     fn restore(&mut self) -> Result<(), Box<dyn Error>> {
-        self.client.restore(&self.snapshots, None, None, WaitOptions::forever())?;
+        let restore = Order::Restore { snapshots: &self.snapshots, seed: None };
+        self.client.request(restore, None, WaitOptions::forever())?;
         Ok(())
     }
 }

@@ -28,7 +28,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use smaclite_engine::Rules;
 use smaclite_ipc::{
-    Client, ClientError, ConnectError, ControlSocketError, LaneDescription, Supervisor, WaitOptions,
+    Client, ClientError, ConnectError, ControlSocketError, LaneDescription, Order, Supervisor, WaitOptions,
     lane_scenario,
 };
 use smaclite_pool::Rejection;
@@ -140,7 +140,8 @@ impl Envs {
         let (from, to) = (from.as_slice()?.to_vec(), to.as_slice()?.to_vec());
         let mut guard = self.shared.try_lock()?;
         let client = guard.client();
-        wait_detached(py, None, |wait| client.send_fork(&from, &to, seed, wait))?;
+        let fork = Order::Fork { from: &from, seed };
+        wait_detached(py, None, |wait| client.send(fork, Some(&to), wait))?;
         Ok(guard)
     }
 
@@ -223,13 +224,14 @@ impl Envs {
         let was_incomplete = *is_incomplete;
         *is_incomplete &= ids.is_some(); // a reset of all discards what was not received
         let batch = match start {
-            Start::Scenario => seeds.reset(py, client, is_incomplete, ids, None, timeout),
-            Start::Levels(levels) => seeds.reset(py, client, is_incomplete, ids, Some(&levels), timeout),
+            Start::Episode { levels } => {
+                seeds.reset(py, client, is_incomplete, ids, levels.as_deref(), timeout)
+            }
             Start::Snapshots(snapshots) => {
-                let seed = seeds.one()?;
+                let restore = Order::Restore { snapshots: &snapshots, seed: seeds.one()? };
                 let is_synchronous = client.description().settings.is_synchronous();
                 let send = |client: &mut Client| {
-                    wait_detached(py, None, |wait| match client.send_restore(&snapshots, ids, seed, wait) {
+                    wait_detached(py, None, |wait| match client.send(restore, ids, wait) {
                         Err(ClientError::Rejected(Rejection::NotReset)) if is_synchronous => Ok(false),
                         sent => sent.map(|()| true),
                     })
@@ -380,11 +382,7 @@ impl Envs {
         let ResetArguments { ids, start } = self.reset_arguments(mask, env_id, levels, snapshots)?;
         let (ids, mut guard) = (ids.as_deref(), self.shared.try_lock()?);
         let client = guard.client();
-        wait_detached(py, None, |wait| match &start {
-            Start::Scenario => client.send_reset(seed, ids, wait),
-            Start::Levels(levels) => client.send_reset_to(levels, seed, ids, wait),
-            Start::Snapshots(snapshots) => client.send_restore(snapshots, ids, seed, wait),
-        })?;
+        wait_detached(py, None, |wait| client.send(start.order(seed), ids, wait))?;
         guard.sent();
         Ok(())
     }

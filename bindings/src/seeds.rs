@@ -6,7 +6,7 @@ use crate::errors::{class, invalid_request};
 use crate::wait::{Deadline, wait_detached};
 use pyo3::prelude::*;
 use pyo3::types::{PyByteArray, PyBytes, PyFrozenSet, PyMapping, PySet, PyString};
-use smaclite_ipc::Client;
+use smaclite_ipc::{Client, Order};
 use std::collections::BTreeMap;
 use std::time::Duration;
 
@@ -76,9 +76,8 @@ impl Seeds {
         let deadline = Deadline::after(timeout);
         let is_synchronous = client.description().settings.is_synchronous();
         let mut request = |seed: Option<u64>, ids: Option<&[i32]>, levels: Option<&[f32]>| {
-            wait_detached(py, deadline.left(), |wait| match levels {
-                None => client.reset(seed, ids, wait),
-                Some(levels) => client.reset_to(levels, seed, ids, wait),
+            wait_detached(py, deadline.left(), |wait| {
+                client.request(Order::Reset { seed, levels }, ids, wait)
             })
         };
         let seeds = match self {

@@ -57,7 +57,7 @@ pub mod wire;
 pub use batch::Batch;
 pub use capacity::Capacity;
 pub use clean::{CleanError, CleanReport, clean, left_over_files};
-pub use client::{Client, ClientError, ConnectError};
+pub use client::{Client, ClientError, ConnectError, Order};
 pub use control::client::ControlSocketError;
 pub use control::protocol::{ControlError, LaneDescription, LaneStatus, PoolStatus};
 pub use follower::{FollowedPart, Follower, Piece};

@@ -2,10 +2,13 @@
 //! tested in `in_memory::rejections`, and what the client refuses before it sends in `smaclite_ipc`.
 
 use crate::assert_contains;
-use smaclite_ipc::{ClientError, WaitOptions};
+use smaclite_ipc::{ClientError, Order, WaitOptions};
 use smaclite_tests::learner::LearnerError;
 use smaclite_tests::process::TIMEOUT;
 use smaclite_tests::{Child, LanePlan, PoolPlan, TestDir};
+
+/// Actions, and the environments that they are for.
+type Request<'a> = (&'a [i32], Option<&'a [i32]>);
 
 #[test]
 fn wrong_actions_are_named_and_nothing_is_stepped() {
@@ -16,15 +19,15 @@ fn wrong_actions_are_named_and_nothing_is_stepped() {
     learner.reset(None, TIMEOUT).expect("a reset");
     let mut attack = [1; 20];
     attack[13] = 6; // no enemy is near at the start
-    let cases: [(&[i32], Option<&[i32]>, [&str; 2]); 5] = [
-        (&[1; 19], None, ["19 actions", "take 20"]),
-        (&[1; 20], Some(&[0, 1, 2]), ["20 actions", "take 15"]),
-        (&[1; 10], Some(&[0, 4]), ["environment 4", "0 to 3"]),
-        (&[1; 10], Some(&[1, 1]), ["environment 1", "twice"]),
-        (&attack, None, ["environment 2, agent 3: action 6 ", "available: [1"]),
+    let cases: [(Request, [&str; 2]); 5] = [
+        ((&[1; 19], None), ["19 actions", "take 20"]),
+        ((&[1; 20], Some(&[0, 1, 2])), ["20 actions", "take 15"]),
+        ((&[1; 10], Some(&[0, 4])), ["environment 4", "0 to 3"]),
+        ((&[1; 10], Some(&[1, 1])), ["environment 1", "twice"]),
+        ((&attack, None), ["environment 2, agent 3: action 6 ", "available: [1"]),
     ];
-    for (actions, env_ids, parts) in cases {
-        let sent = learner.client().send(actions, env_ids, WaitOptions::forever());
+    for ((actions, env_ids), parts) in cases {
+        let sent = learner.client().send(Order::Step(actions), env_ids, WaitOptions::forever());
         let refused = sent.map_err(LearnerError::from).and_then(|()| learner.recv(TIMEOUT));
         assert_contains(&refused.expect_err("wrong actions").to_string(), &parts);
     }

@@ -3,7 +3,7 @@
 #![allow(unsafe_code)] // `fork`
 
 use crate::assert_contains;
-use smaclite_ipc::{ClientError, WaitOptions, WaitStrategy};
+use smaclite_ipc::{ClientError, Order, WaitOptions, WaitStrategy};
 use smaclite_tests::process::{TIMEOUT, eventually};
 use smaclite_tests::{Child, LanePlan, Learner, PoolPlan, TestDir};
 use std::panic::AssertUnwindSafe;
@@ -46,7 +46,7 @@ fn a_forked_child_gets_an_error_and_the_parent_continues() {
     let mut held = Some((learner, batch, supervisor));
     let status = in_a_fork(|| {
         let (mut learner, batch, supervisor) = held.take().expect("the child's copy");
-        let error = learner.client().send_reset(None, None, WaitOptions::forever());
+        let error = learner.client().send(Order::reset(None), None, WaitOptions::forever());
         drop((learner, batch, supervisor)); // as an interpreter's exit does
         if matches!(error, Err(ClientError::Forked { .. })) { FORKED_ERROR } else { 1 }
     });

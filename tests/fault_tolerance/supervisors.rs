@@ -2,7 +2,7 @@
 
 use crate::assert_contains;
 use rustix::process::Signal;
-use smaclite_ipc::{Client, ClientError, StartError, Supervisor, WaitOptions, WaitStrategy};
+use smaclite_ipc::{Client, ClientError, Order, StartError, Supervisor, WaitOptions, WaitStrategy};
 use smaclite_tests::fault::Fault;
 use smaclite_tests::process::{TIMEOUT, eventually_within};
 use smaclite_tests::{Child, LanePlan, Learner, PoolPlan, TestDir};
@@ -137,14 +137,14 @@ fn a_reset_of_all_that_was_not_accepted_changes_nothing() {
     let mut other = Client::connect(dir.runtime_dir(), "train", Some("synchronous"), WaitStrategy::default())
         .expect("a client");
     learner.reset(None, TIMEOUT).expect("a reset");
-    exchange(&mut other, |client| client.send_reset(Some(1), None, WaitOptions::forever()));
+    exchange(&mut other, |client| client.send(Order::reset(Some(1)), None, WaitOptions::forever()));
     supervisor.signal(Signal::STOP);
     // In the lane with batches of one, the queue is full with one step per environment.
     (0..4).for_each(|env| learner.send_to(&[env]).expect("sent"));
-    let refused = learner.client().send_reset(Some(5), None, WaitOptions::forever());
+    let refused = learner.client().send(Order::reset(Some(5)), None, WaitOptions::forever());
     assert!(matches!(refused, Err(ClientError::NotAccepted { .. })), "{refused:?}");
     // In the other, resets are sent until the queue is full.
-    let refused = std::iter::repeat_with(|| other.send_reset(Some(5), None, WaitOptions::forever()))
+    let refused = std::iter::repeat_with(|| other.send(Order::reset(Some(5)), None, WaitOptions::forever()))
         .find_map(Result::err);
     assert!(matches!(refused, Some(ClientError::NotAccepted { .. })), "{refused:?}");
     supervisor.signal(Signal::CONT);
@@ -154,7 +154,7 @@ fn a_reset_of_all_that_was_not_accepted_changes_nothing() {
     exchange(&mut other, |_| Ok(())); // the frame of the last reset that was sent
     let mut actions = vec![0; 4 * other.description().sizes.n_agents];
     other.sample_actions(None, &mut actions).expect("legal actions");
-    exchange(&mut other, |client| client.send(&actions, None, WaitOptions::forever()));
+    exchange(&mut other, |client| client.send(Order::Step(&actions), None, WaitOptions::forever()));
 }
 
 /// A request to a supervisor that does not read waited for five seconds, whatever the caller's timeout, and
@@ -170,7 +170,7 @@ fn sending_ends_at_its_timeout_and_can_be_interrupted() {
         loop {
             let begin = Instant::now();
             let wait = WaitOptions { timeout, interrupted: &mut || interrupt };
-            if let Err(error) = client.send_reset(None, None, wait) {
+            if let Err(error) = client.send(Order::reset(None), None, wait) {
                 return (error, begin.elapsed());
             }
         }

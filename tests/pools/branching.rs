@@ -9,7 +9,7 @@ use smaclite_engine::{
     Arena, Battle, BattleSetup, COLUMNS, Column, ColumnSpec, ColumnType, Opponent, RecordLayout, RecordSizes,
     Rules, Scratch, Sides, Snapshot,
 };
-use smaclite_ipc::{Batch, WaitOptions};
+use smaclite_ipc::{Batch, Order, WaitOptions};
 use smaclite_pool::Autoreset;
 use smaclite_pool::fields::{FIELDS, Field};
 use smaclite_scenarios::{Capability, EnemyMask, Faction, Placement, Scenario, ScenarioFiles, UnitFile};
@@ -182,7 +182,11 @@ fn what_cannot_be_restored_is_an_error_and_no_environment_changes() {
     records(&mut same);
     records(&mut none);
     let refusal = |learner: &mut Learner, records: &[u8], expected: &str| {
-        let sent = learner.client().send_restore(records, None, None, WaitOptions::forever());
+        let sent = learner.client().send(
+            Order::Restore { snapshots: records, seed: None },
+            None,
+            WaitOptions::forever(),
+        );
         let error = match sent {
             Err(error) => error.to_string(),
             Ok(()) => learner.recv(TIMEOUT).expect_err("a refusal").to_string(),

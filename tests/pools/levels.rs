@@ -1,7 +1,7 @@
 //! Episodes begin with levels that a learner chooses.
 
 use smaclite_engine::{Arena, Battle, LevelError, Rules, Scratch, policy};
-use smaclite_ipc::{Client, WaitOptions, WaitStrategy};
+use smaclite_ipc::{Client, Order, WaitOptions, WaitStrategy};
 use smaclite_pool::fields::{FIELDS, Field};
 use smaclite_scenarios::{Scenario, ScenarioFiles};
 use smaclite_tests::{LanePlan, PoolPlan, TestDir};
@@ -146,6 +146,11 @@ fn a_unit_may_begin_where_its_scenario_puts_it_also_on_a_blocked_square() {
     assert!(matches!(battle.reset_to(&beside), Err(LevelError::Blocked { .. })));
 }
 
+/// A reset to levels.
+fn to(levels: &[f32], seed: Option<u64>) -> Order<'_> {
+    Order::Reset { seed, levels: Some(levels) }
+}
+
 #[test]
 fn a_lane_begins_with_levels_or_refuses_all_of_them() {
     let dir = TestDir::new();
@@ -159,19 +164,19 @@ fn a_lane_begins_with_levels_or_refuses_all_of_them() {
     drop(first);
     let size = levels.len() / 3;
     levels[2 * size + 1] = 11.0;
-    let moved = client.reset_to(&levels, Some(5), None, wait()).expect("a batch");
+    let moved = client.request(to(&levels, Some(5)), None, wait()).expect("a batch");
     assert_eq!(moved.field::<f32>(Field::Level), Some(&*levels));
     drop(moved);
     // Some environments; the others are unchanged.
     levels[1] = 12.0;
-    let one = client.reset_to(&levels[..size], None, Some(&[0]), wait()).expect("a batch");
+    let one = client.request(to(&levels[..size], None), Some(&[0]), wait()).expect("a batch");
     assert_eq!(one.field::<f32>(Field::Level), Some(&*levels));
     drop(one);
     let mut bad = levels.clone();
     bad[size + 4] = 2.0;
-    let error = client.reset_to(&bad, None, None, wait()).expect_err("a refusal").to_string();
+    let error = client.request(to(&bad, None), None, wait()).expect_err("a refusal").to_string();
     assert_eq!(error, "environment 1 cannot begin with this level: alive of agent 0 must be 0 or 1, got 2");
-    let error = client.reset_to(&bad[1..], None, None, wait()).expect_err("a refusal").to_string();
+    let error = client.request(to(&bad[1..], None), None, wait()).expect_err("a refusal").to_string();
     assert!(error.starts_with("got 89 numbers; 3 environments take 3 levels of 30 numbers"), "{error}");
     let after = client.reset(None, Some(&[1]), wait()).expect("the lane goes on");
     assert_eq!(after.field::<f32>(Field::Level).expect("levels")[1], 12.0, "nothing had changed");
@@ -197,18 +202,19 @@ fn after_a_refused_request_the_lane_and_its_learner_agree() {
             envs.sort_unstable();
             (envs, batch.field::<f32>(Field::Level).expect("the lane has it").to_vec())
         };
+        let stop = Order::Step(&[1; 3]);
         let step =
-            |client: &mut Client, env: i32| client.send(&[1; 3], Some(&[env]), wait()).expect("it is idle");
+            |client: &mut Client, env: i32| client.send(stop, Some(&[env]), wait()).expect("it is idle");
         // Before the first reset a refused one leaves a lane that was not reset.
         let refuse = |client: &mut Client, bad: &[f32]| {
-            let error = client.reset_to(bad, None, None, wait()).expect_err("a refusal").to_string();
+            let error = client.request(to(bad, None), None, wait()).expect_err("a refusal").to_string();
             assert!(error.starts_with("environment 0 cannot begin with this level"), "{error}");
         };
         let mut bad = vec![2.0; 4 * client.layout().level_len()];
         refuse(&mut client, &bad);
-        let error = client.send(&[1; 3], Some(&[0]), wait()).expect_err("it was not reset").to_string();
+        let error = client.send(stop, Some(&[0]), wait()).expect_err("it was not reset").to_string();
         assert!(error.starts_with("no environment was reset"), "{error}");
-        client.send_reset(Some(1), None, wait()).expect("sent");
+        client.send(Order::reset(Some(1)), None, wait()).expect("sent");
         let ((_, levels), (_, rest)) = (recv(&mut client), recv(&mut client));
         let size = levels.len() / 2;
         bad = [levels, rest].concat();
@@ -224,15 +230,19 @@ fn after_a_refused_request_the_lane_and_its_learner_agree() {
         assert_eq!(recv(&mut client).0, [2, 3]);
         // Two resets at once.
         step(&mut client, 0);
-        client.send_reset_to(&bad, None, None, wait()).expect("sent");
+        client.send(to(&bad, None), None, wait()).expect("sent");
         refuse(&mut client, &bad);
         (0..2).for_each(|env| step(&mut client, env));
         assert_eq!(recv(&mut client).0, [0, 1]);
         // Requests to one environment, which leave the results of another alone.
         step(&mut client, 2);
-        assert!(client.reset_to(&bad[..size], None, Some(&[3]), wait()).is_err(), "a level that cannot be");
+        assert!(
+            client.request(to(&bad[..size], None), Some(&[3]), wait()).is_err(),
+            "a level that cannot be"
+        );
         let snapshot = vec![0; client.layout().snapshot_size()];
-        assert!(client.restore(&snapshot, Some(&[3]), None, wait()).is_err(), "no snapshot");
+        let restore = Order::Restore { snapshots: &snapshot, seed: None };
+        assert!(client.request(restore, Some(&[3]), wait()).is_err(), "no snapshot");
         step(&mut client, 3);
         assert_eq!(recv(&mut client).0, [2, 3]);
     }

@@ -2,7 +2,7 @@
 //! process, with any autoreset mode), learners see the same bits. Every frame is compared with the
 //! [reference](smaclite_tests::reference), so two ways of stepping that agree with it agree with each other.
 
-use smaclite_ipc::{Client, ClientError, Supervisor, WaitOptions, WaitStrategy};
+use smaclite_ipc::{Client, ClientError, Order, Supervisor, WaitOptions, WaitStrategy};
 use smaclite_pool::Autoreset;
 use smaclite_tests::fault::{Fault, Gate};
 use smaclite_tests::process::TIMEOUT;
@@ -162,7 +162,7 @@ fn a_wait_ends_by_its_timeout_or_an_interruption() {
             let mut actions = vec![0; 10];
             client.sample_actions(None, &mut actions).expect("actions");
             gate.close();
-            client.send(&actions, None, WaitOptions::forever()).expect("sent");
+            client.send(Order::Step(&actions), None, WaitOptions::forever()).expect("sent");
             gate.wait_for_arrival(); // a thread of the pool has the environment
             let timeout = Some(Duration::from_millis(50));
             let wait = WaitOptions { timeout, interrupted: &mut || false };

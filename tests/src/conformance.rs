@@ -2,7 +2,7 @@
 //! are stepped one by one. A new way costs an implementation of [`Stepping`].
 
 use crate::{LanePlan, Reference, Row};
-use smaclite_ipc::{Client, WaitOptions};
+use smaclite_ipc::{Client, Order, WaitOptions};
 use smaclite_pool::Autoreset;
 use std::time::Duration;
 
@@ -22,11 +22,11 @@ pub trait Stepping {
 /// Embedded, or of another process.
 impl Stepping for Client {
     fn send_reset(&mut self, seed: Option<u64>, env_ids: Option<&[i32]>) {
-        Client::send_reset(self, seed, env_ids, WaitOptions::forever()).expect("sent");
+        Client::send(self, Order::reset(seed), env_ids, WaitOptions::forever()).expect("sent");
     }
 
     fn send_step(&mut self, env_ids: &[i32], actions: &[i32]) {
-        self.send(actions, Some(env_ids), WaitOptions::forever()).expect("sent");
+        self.send(Order::Step(actions), Some(env_ids), WaitOptions::forever()).expect("sent");
     }
 
     fn batch(&mut self) -> Vec<Row> {

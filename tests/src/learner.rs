@@ -2,7 +2,7 @@
 
 use crate::reference::SavedEnv;
 use crate::{LanePlan, Reference};
-use smaclite_ipc::{Batch, Client, ClientError, ConnectError, RuntimeDir, WaitOptions, WaitStrategy};
+use smaclite_ipc::{Batch, Client, ClientError, ConnectError, Order, RuntimeDir, WaitOptions, WaitStrategy};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -76,7 +76,7 @@ impl Learner {
     /// # Errors
     /// The client's, or a wrong frame.
     pub fn reset(&mut self, seed: Option<u64>, timeout: Duration) -> Result<(), LearnerError> {
-        self.client.send_reset(seed, None, WaitOptions::forever())?;
+        self.client.send(Order::reset(seed), None, WaitOptions::forever())?;
         self.reference.reset_all(seed);
         self.ready.clear();
         self.sequence = 0; // the client drops frames of earlier requests
@@ -91,14 +91,7 @@ impl Learner {
     /// # Errors
     /// The client's.
     pub fn send_reset(&mut self, envs: &[i32], seed: Option<u64>) -> Result<(), LearnerError> {
-        self.client.send_reset(seed, Some(envs), WaitOptions::forever())?;
-        if self.synchronous {
-            for env in self.ready.drain(..) {
-                self.reference.observe(env);
-            }
-        } else {
-            self.ready.retain(|env| !envs.contains(env));
-        }
+        self.order_some(Order::reset(seed), envs)?;
         for env in envs {
             self.reference.reset(*env, seed);
         }
@@ -110,9 +103,10 @@ impl Learner {
     /// # Errors
     /// The client's.
     pub fn send_fork(&mut self, from: &[i32], to: &[i32], seed: Option<u64>) -> Result<(), LearnerError> {
-        self.client.send_fork(from, to, seed, WaitOptions::forever())?;
+        self.order_some(Order::Fork { from, seed }, to)?;
+        // Each is copied as it was before.
         let saved: Vec<SavedEnv> = from.iter().map(|env| self.reference.save(*env)).collect();
-        self.branched(to, &saved, seed);
+        self.restore(to, &saved, seed);
         Ok(())
     }
 
@@ -128,22 +122,28 @@ impl Learner {
         to: &[i32],
         seed: Option<u64>,
     ) -> Result<(), LearnerError> {
-        self.client.send_restore(snapshots, Some(to), seed, WaitOptions::forever())?;
-        self.branched(to, saved, seed);
+        self.order_some(Order::Restore { snapshots, seed }, to)?;
+        self.restore(to, saved, seed);
         Ok(())
     }
 
-    fn branched(&mut self, to: &[i32], saved: &[SavedEnv], seed: Option<u64>) {
+    fn restore(&mut self, to: &[i32], saved: &[SavedEnv], seed: Option<u64>) {
+        for (env, saved) in to.iter().zip(saved) {
+            self.reference.restore(*env, saved, seed);
+        }
+    }
+
+    /// Sends an order to some environments. In synchronous mode the others are part of the batch, unchanged.
+    fn order_some(&mut self, order: Order<'_>, envs: &[i32]) -> Result<(), LearnerError> {
+        self.client.send(order, Some(envs), WaitOptions::forever())?;
         if self.synchronous {
             for env in self.ready.drain(..) {
                 self.reference.observe(env);
             }
         } else {
-            self.ready.retain(|env| !to.contains(env));
+            self.ready.retain(|env| !envs.contains(env));
         }
-        for (env, saved) in to.iter().zip(saved) {
-            self.reference.restore(*env, saved, seed);
-        }
+        Ok(())
     }
 
     /// Sends actions to every environment that is ready.
@@ -167,7 +167,7 @@ impl Learner {
             actions.extend(joint);
         }
         let ids = if self.synchronous { None } else { Some(envs) };
-        Ok(self.client.send(&actions, ids, WaitOptions::forever())?)
+        Ok(self.client.send(Order::Step(&actions), ids, WaitOptions::forever())?)
     }
 
     /// Receives a batch and compares it.

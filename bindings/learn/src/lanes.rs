@@ -10,7 +10,7 @@ use crate::lane_error::LaneError;
 use crate::view::fields_read;
 use smaclite_engine::{BattleSetup, Faction, Sizes};
 use smaclite_ipc::{
-    Batch, Client, ClientError, ConnectError, LaneConfig, LaneDescription, RuntimeDir, Supervisor,
+    Batch, Client, ClientError, ConnectError, LaneConfig, LaneDescription, Order, RuntimeDir, Supervisor,
     SupervisorConfig, WaitOptions, WaitStrategy, lane_scenario,
 };
 use smaclite_pool::fields::{Field, FieldSet};
@@ -295,7 +295,7 @@ impl Lanes {
         for lane in &mut self.lanes {
             (lane.batch, lane.is_restored) = (None, false);
             let seed = seed.wrapping_add(lane.first_env as u64);
-            lane.client.send_reset(Some(seed), None, WaitOptions::forever())?;
+            lane.client.send(Order::reset(Some(seed)), None, WaitOptions::forever())?;
         }
         Ok(())
     }
@@ -339,7 +339,7 @@ impl Lanes {
             let lane = &mut self.lanes[index];
             let envs = lane.first_env..lane.first_env + lane.settings.num_envs;
             let snapshots = &saved.snapshots[envs.start * size..envs.end * size];
-            lane.client.send_restore(snapshots, None, None, WaitOptions::forever())?;
+            lane.client.send(Order::Restore { snapshots, seed: None }, None, WaitOptions::forever())?;
             lane.over = saved.over[envs].iter().map(|over| *over != 0).collect();
             (lane.batch, lane.is_restored) = (None, true);
             self.batch(index, &mut || false)?;
@@ -351,7 +351,7 @@ impl Lanes {
     pub(crate) fn send(&mut self, lane: usize, actions: &[i32]) -> Result<(), ClientError> {
         let lane = &mut self.lanes[lane];
         lane.batch = None;
-        lane.client.send(actions, None, WaitOptions::forever())
+        lane.client.send(Order::Step(actions), None, WaitOptions::forever())
     }
 }
 

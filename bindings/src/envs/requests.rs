@@ -6,7 +6,7 @@ use crate::batch::Batch;
 use crate::errors::{client_error, invalid_request};
 use crate::wait::wait_detached;
 use pyo3::prelude::*;
-use smaclite_ipc::{Client, ClientError, WaitOptions};
+use smaclite_ipc::{Client, ClientError, Order, WaitOptions};
 use smaclite_pool::fields::Field;
 use std::time::Duration;
 
@@ -45,8 +45,10 @@ impl Envs {
             },
         };
         let start = match (levels, snapshots) {
-            (None, None) => Start::Scenario,
-            (Some(levels), None) => Start::Levels(self.levels(levels, ids.as_deref())?),
+            (levels, None) => {
+                let levels = levels.map(|levels| self.levels(levels, ids.as_deref()));
+                Start::Episode { levels: levels.transpose()? }
+            }
             (None, Some(snapshots)) => {
                 let num_envs = ids.as_ref().map_or(self.description.settings.num_envs, Vec::len);
                 let size = self.layout.snapshot_size();
@@ -84,9 +86,17 @@ pub(super) struct ResetArguments {
 
 /// Where environments begin.
 pub(super) enum Start {
-    Scenario,
-    Levels(Vec<f32>),
+    Episode { levels: Option<Vec<f32>> },
     Snapshots(Vec<u8>),
+}
+
+impl Start {
+    pub(super) fn order(&self, seed: Option<u64>) -> Order<'_> {
+        match self {
+            Start::Episode { levels } => Order::Reset { seed, levels: levels.as_deref() },
+            Start::Snapshots(snapshots) => Order::Restore { snapshots, seed },
+        }
+    }
 }
 
 /// Sends actions, without a wait if the pool reads its requests. The thread of a learner in the process of
@@ -98,12 +108,12 @@ pub(super) fn begin_step(
     ids: Option<&[i32]>,
 ) -> PyResult<()> {
     let no_wait = WaitOptions { timeout: Some(Duration::ZERO), interrupted: &mut || false };
-    match actions.read(|actions| client.begin_step(actions, ids, no_wait)) {
+    match actions.read(|actions| client.begin(Order::Step(actions), ids, no_wait)) {
         Err(ClientError::NotAccepted { .. }) => {
             // The arrays must not be read while other Python code runs.
             let actions = actions.read(<[i32]>::to_vec);
             let ids = ids.map(<[i32]>::to_vec);
-            wait_detached(py, None, |wait| client.begin_step(&actions, ids.as_deref(), wait))
+            wait_detached(py, None, |wait| client.begin(Order::Step(&actions), ids.as_deref(), wait))
         }
         sent => sent.map_err(client_error),
     }

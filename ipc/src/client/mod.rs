@@ -1,11 +1,13 @@
 //! A learner's end of a lane: attach, reset, send, receive. The supervisor may be another process or threads
 //! of this one; in that case the learner's thread steps environments while it waits (caller runs).
 //!
-//! `attach` opens a lane, `sending` and `receiving` are the two directions of a step, `outstanding` knows
-//! which environments work on a request, and `sampler` draws random actions.
+//! `attach` opens a lane, `order` is what a learner can ask for, `sending` and `receiving` are the two
+//! directions of a step, `outstanding` knows which environments work on a request, and `sampler` draws random
+//! actions.
 
 mod attach;
 mod error;
+mod order;
 mod outstanding;
 mod receiving;
 mod sampler;
@@ -13,6 +15,7 @@ mod sending;
 
 pub(crate) use attach::{checked_layout, connect_ports};
 pub use error::{ClientError, ConnectError};
+pub use order::Order;
 
 use crate::batch::Batch;
 use crate::control::client::ControlClient;
@@ -138,52 +141,20 @@ impl Client {
         &self.lane.layout
     }
 
-    /// Requests a new episode in every environment, or in those of `env_ids`. With a seed, environment `i` is
-    /// seeded with `seed + i`; without one its generator continues, except that a session's first reset uses
-    /// the lane's seed. A reset of every environment drops the results of earlier requests that were not
-    /// received.
+    /// Sends an order to the environments of `env_ids`, or to all in order.
     ///
     /// Returns at once, unless the supervisor has stopped reading: after 5 seconds, or the timeout of `wait`
     /// if that is shorter, that is [`ClientError::NotAccepted`]. In the process of the pool, a reset of every
     /// environment first carries out what is outstanding, on this thread too.
-    pub fn send_reset(
-        &mut self,
-        seed: Option<u64>,
-        env_ids: Option<&[i32]>,
-        mut wait: WaitOptions<'_>,
-    ) -> Result<(), ClientError> {
-        let sent = self.attached()?.send_reset(seed, env_ids, None, &mut wait);
-        self.leave();
-        sent
-    }
-
-    /// As [`send_reset`](Client::send_reset) to levels, f32 `[count, n_units, 5]` as the field `level`, which
-    /// the lane must have: the episodes begin with these units. If the lane refuses the request, the next
-    /// [`recv`](Client::recv) says which level is wrong, and why, and no environment changed. The results
-    /// that a reset of every environment drops are dropped all the same.
-    pub fn send_reset_to(
-        &mut self,
-        levels: &[f32],
-        seed: Option<u64>,
-        env_ids: Option<&[i32]>,
-        mut wait: WaitOptions<'_>,
-    ) -> Result<(), ClientError> {
-        let sent = self.attached()?.send_reset(seed, env_ids, Some(levels), &mut wait);
-        self.leave();
-        sent
-    }
-
-    /// Sends actions, `[count, n_agents]`, or `[count, n_agents + n_enemies]` in a lane whose joint actions
-    /// play both sides, to the environments of `env_ids` or to all in order. Returns as
-    /// [`send_reset`](Client::send_reset) does. If the lane refuses the request, the next
-    /// [`recv`](Client::recv) says why.
+    ///
+    /// If the lane refuses the order, no environment changed, and the next [`recv`](Client::recv) says why.
     pub fn send(
         &mut self,
-        actions: &[i32],
+        order: Order<'_>,
         env_ids: Option<&[i32]>,
         wait: WaitOptions<'_>,
     ) -> Result<(), ClientError> {
-        let sent = self.begin_step(actions, env_ids, wait);
+        let sent = self.begin(order, env_ids, wait);
         self.leave();
         sent
     }
@@ -191,13 +162,13 @@ impl Client {
     /// As [`send`](Client::send), but the thread of a learner in the process of its pool stays at work:
     /// [`recv`](Client::recv) or [`leave`](Client::leave) should follow at once. Until then its
     /// [`Supervisor`](crate::Supervisor) does not end: dropped on the same thread, it waits for ever.
-    pub fn begin_step(
+    pub fn begin(
         &mut self,
-        actions: &[i32],
+        order: Order<'_>,
         env_ids: Option<&[i32]>,
         mut wait: WaitOptions<'_>,
     ) -> Result<(), ClientError> {
-        let sent = self.attached()?.send_step(actions, env_ids, &mut wait);
+        let sent = self.attached()?.send_order(order, env_ids, &mut wait);
         if sent.is_err() {
             self.leave();
         }
@@ -207,109 +178,46 @@ impl Client {
     /// Waits for the next batch.
     ///
     /// # Errors
-    /// Also the lane's refusal of an earlier request, of which then no environment was stepped.
+    /// Also the lane's refusal of an earlier order, of which then nothing was carried out.
     pub fn recv(&mut self, mut wait: WaitOptions<'_>) -> Result<Arc<Batch>, ClientError> {
         let received = self.attached()?.recv(Instant::now(), &mut wait);
         self.leave();
         received
     }
 
-    /// [`send_reset`](Client::send_reset) and [`recv`](Client::recv).
+    /// [`send`](Client::send) and [`recv`](Client::recv), in the time of one wait.
+    pub fn request(
+        &mut self,
+        order: Order<'_>,
+        env_ids: Option<&[i32]>,
+        mut wait: WaitOptions<'_>,
+    ) -> Result<Arc<Batch>, ClientError> {
+        let begin = Instant::now();
+        let lane = self.attached()?;
+        let sent = lane.send_order(order, env_ids, &mut wait);
+        let received = sent.and_then(|()| lane.recv(begin, &mut wait));
+        self.leave();
+        received
+    }
+
+    /// The [`request`](Client::request) of [`Order::Reset`] to the units of the scenario.
     pub fn reset(
         &mut self,
         seed: Option<u64>,
         env_ids: Option<&[i32]>,
-        mut wait: WaitOptions<'_>,
+        wait: WaitOptions<'_>,
     ) -> Result<Arc<Batch>, ClientError> {
-        self.request(|lane, wait| lane.send_reset(seed, env_ids, None, wait), &mut wait)
+        self.request(Order::reset(seed), env_ids, wait)
     }
 
-    /// [`send_reset_to`](Client::send_reset_to) and [`recv`](Client::recv).
-    pub fn reset_to(
-        &mut self,
-        levels: &[f32],
-        seed: Option<u64>,
-        env_ids: Option<&[i32]>,
-        mut wait: WaitOptions<'_>,
-    ) -> Result<Arc<Batch>, ClientError> {
-        self.request(|lane, wait| lane.send_reset(seed, env_ids, Some(levels), wait), &mut wait)
-    }
-
-    /// [`send`](Client::send) and [`recv`](Client::recv).
+    /// The [`request`](Client::request) of [`Order::Step`].
     pub fn step(
         &mut self,
         actions: &[i32],
         env_ids: Option<&[i32]>,
-        mut wait: WaitOptions<'_>,
+        wait: WaitOptions<'_>,
     ) -> Result<Arc<Batch>, ClientError> {
-        self.request(|lane, wait| lane.send_step(actions, env_ids, wait), &mut wait)
-    }
-
-    /// Requests that the environments of `env_ids`, or all in order, take the states of `snapshots`, `[count,
-    /// snapshot_size]`: rows of the field `snapshot`, which the lane must have. With a seed, environment `i`
-    /// draws execution orders from then on as after a reset with `seed + i`, otherwise those that it would
-    /// have drawn. Returns as [`send_reset`](Client::send_reset) does. If the lane refuses the request, the
-    /// next [`recv`](Client::recv) says which snapshot is wrong, and why, and no environment changed.
-    pub fn send_restore(
-        &mut self,
-        snapshots: &[u8],
-        env_ids: Option<&[i32]>,
-        seed: Option<u64>,
-        mut wait: WaitOptions<'_>,
-    ) -> Result<(), ClientError> {
-        let sent = self.attached()?.send_restore(snapshots, env_ids, seed, &mut wait);
-        self.leave();
-        sent
-    }
-
-    /// Requests that each environment of `to` takes the state of that of `from` in the same place; the states
-    /// are those before the request. An environment may be in `from` several times. Seeds and errors are as
-    /// in [`send_restore`](Client::send_restore).
-    pub fn send_fork(
-        &mut self,
-        from: &[i32],
-        to: &[i32],
-        seed: Option<u64>,
-        mut wait: WaitOptions<'_>,
-    ) -> Result<(), ClientError> {
-        let sent = self.attached()?.send_fork(from, to, seed, &mut wait);
-        self.leave();
-        sent
-    }
-
-    /// [`send_restore`](Client::send_restore) and [`recv`](Client::recv).
-    pub fn restore(
-        &mut self,
-        snapshots: &[u8],
-        env_ids: Option<&[i32]>,
-        seed: Option<u64>,
-        mut wait: WaitOptions<'_>,
-    ) -> Result<Arc<Batch>, ClientError> {
-        self.request(|lane, wait| lane.send_restore(snapshots, env_ids, seed, wait), &mut wait)
-    }
-
-    /// [`send_fork`](Client::send_fork) and [`recv`](Client::recv).
-    pub fn fork(
-        &mut self,
-        from: &[i32],
-        to: &[i32],
-        seed: Option<u64>,
-        mut wait: WaitOptions<'_>,
-    ) -> Result<Arc<Batch>, ClientError> {
-        self.request(|lane, wait| lane.send_fork(from, to, seed, wait), &mut wait)
-    }
-
-    /// Sends a request and waits for the next batch.
-    fn request(
-        &mut self,
-        send: impl FnOnce(&mut AttachedLane, &mut WaitOptions<'_>) -> Result<(), ClientError>,
-        wait: &mut WaitOptions<'_>,
-    ) -> Result<Arc<Batch>, ClientError> {
-        let begin = Instant::now();
-        let lane = self.attached()?;
-        let received = send(lane, wait).and_then(|()| lane.recv(begin, wait));
-        self.leave();
-        received
+        self.request(Order::Step(actions), env_ids, wait)
     }
 
     /// The batch that was received last.
@@ -342,7 +250,7 @@ impl Client {
     }
 
     /// Ends the work of this thread in a pool of its process. All other methods do that themselves before
-    /// they return, but [`begin_step`](Client::begin_step).
+    /// they return, but [`begin`](Client::begin).
     pub fn leave(&mut self) {
         if let Ok(lane) = self.lane.get_mut() {
             lane.local.as_mut().map(LocalLearner::leave);

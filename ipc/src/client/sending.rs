@@ -3,6 +3,7 @@
 
 use super::AttachedLane;
 use super::error::ClientError;
+use super::order::Order;
 use crate::CHECK_INTERVAL;
 use crate::services::doing;
 use crate::wait_options::WaitOptions;
@@ -23,76 +24,68 @@ const SEND_TIMEOUT: Duration = Duration::from_secs(5);
 const RETRY_INTERVAL: Duration = Duration::from_micros(50);
 
 impl AttachedLane {
-    /// Sends actions, `[count, n_actors]`.
-    pub(super) fn send_step(
+    /// Sends an order, if it has what its environments take and none of them works on an earlier one.
+    pub(super) fn send_order(
         &mut self,
-        actions: &[i32],
+        order: Order<'_>,
         env_ids: Option<&[i32]>,
         wait: &mut WaitOptions<'_>,
     ) -> Result<(), ClientError> {
-        self.check_length(actions.len(), env_ids)?;
-        let all = Arc::clone(&self.all_ids);
-        let ids = env_ids.unwrap_or(&all);
-        let reserved = self.outstanding.reserve_step(self.last_request.next(), ids);
-        reserved.map_err(|rejection| self.refused(rejection))?;
-        self.send(RequestKind::Step, ids, bytemuck::cast_slice(actions), wait)
-    }
-
-    pub(super) fn send_reset(
-        &mut self,
-        seed: Option<u64>,
-        env_ids: Option<&[i32]>,
-        levels: Option<&[f32]>,
-        wait: &mut WaitOptions<'_>,
-    ) -> Result<(), ClientError> {
-        if let Some(levels) = levels {
-            self.check_levels(levels, env_ids)?;
-        }
+        self.check_order(order, env_ids)?;
         let number = self.last_request.next();
-        let kind = RequestKind::Reset { seed, levels: levels.is_some() };
-        let body = bytemuck::cast_slice(levels.unwrap_or_default());
         let all = Arc::clone(&self.all_ids);
         let ids = env_ids.unwrap_or(&all);
-        if env_ids.is_some() && !self.outstanding.names_all(ids) {
-            let reserved = self.outstanding.reserve_some(number, ids);
-            reserved.map_err(|rejection| self.refused(rejection))?;
-            return self.send(kind, ids, body, wait);
+        let is_reset = matches!(order, Order::Reset { .. });
+        if is_reset && (env_ids.is_none() || self.outstanding.names_all(ids)) {
+            // Only a reset that was sent begins an epoch: otherwise results of the present one are still to
+            // come.
+            self.refused.clear();
+            self.send(order, ids, wait)?;
+            self.outstanding.reset_all(number);
+            (self.epoch, self.sequence) = (Some(number), None);
+            return Ok(());
         }
-        // Only a reset that was sent begins an epoch: otherwise results of the present one are still to come.
-        self.refused.clear();
-        self.send(kind, ids, body, wait)?;
-        self.outstanding.reset_all(number);
-        (self.epoch, self.sequence) = (Some(number), None);
-        Ok(())
+        let reserved = match order {
+            Order::Step(_) => self.outstanding.reserve_step(number, ids),
+            _ => self.outstanding.reserve_some(number, ids),
+        };
+        reserved.map_err(|rejection| self.refused(rejection))?;
+        self.send(order, ids, wait)
     }
 
-    fn check_levels(&self, levels: &[f32], env_ids: Option<&[i32]>) -> Result<(), ClientError> {
-        let (envs, size) = (self.count(env_ids), self.layout.level_len());
-        if size == 0 {
-            return Err(ClientError::NoLevels);
+    /// Does an order have as much as its environments take?
+    fn check_order(&self, order: Order<'_>, env_ids: Option<&[i32]>) -> Result<(), ClientError> {
+        let envs = self.count(env_ids);
+        match order {
+            Order::Step(actions) => self.check_length(actions.len(), env_ids),
+            Order::Reset { levels: None, .. } => Ok(()),
+            Order::Reset { levels: Some(levels), .. } => {
+                let (given, size) = (levels.len(), self.layout.level_len());
+                match size {
+                    0 => Err(ClientError::NoLevels),
+                    _ if given != envs * size => Err(ClientError::WrongLevels { given, envs, size }),
+                    _ => Ok(()),
+                }
+            }
+            Order::Restore { snapshots, .. } => {
+                let (given, size) = (snapshots.len(), self.layout.snapshot_size());
+                match size {
+                    0 => Err(ClientError::NoSnapshots),
+                    _ if given != envs * size => {
+                        let difference = self.difference(snapshots, envs);
+                        Err(ClientError::WrongSnapshots { given, envs, size, difference })
+                    }
+                    _ => Ok(()),
+                }
+            }
+            Order::Fork { from, .. } if from.len() != envs => {
+                Err(ClientError::WrongForks { from: from.len(), to: envs })
+            }
+            Order::Fork { from, .. } => {
+                let num_envs = self.description.settings.num_envs;
+                Ok(from.iter().try_for_each(|env| env_index(*env, num_envs).map(drop))?)
+            }
         }
-        let given = levels.len();
-        if given == envs * size { Ok(()) } else { Err(ClientError::WrongLevels { given, envs, size }) }
-    }
-
-    /// Sends snapshots, `[count, snapshot_size]`.
-    pub(super) fn send_restore(
-        &mut self,
-        snapshots: &[u8],
-        env_ids: Option<&[i32]>,
-        seed: Option<u64>,
-        wait: &mut WaitOptions<'_>,
-    ) -> Result<(), ClientError> {
-        let (envs, size) = (self.count(env_ids), self.layout.snapshot_size());
-        if size == 0 {
-            return Err(ClientError::NoSnapshots);
-        }
-        if snapshots.len() != envs * size {
-            let difference = self.difference(snapshots, envs);
-            return Err(ClientError::WrongSnapshots { given: snapshots.len(), envs, size, difference });
-        }
-        let all = Arc::clone(&self.all_ids);
-        self.send_to_some(RequestKind::Restore { seed }, env_ids.unwrap_or(&all), snapshots, wait)
     }
 
     /// What differs between the battles of snapshots, of which there are `count`, and those of the lane.
@@ -126,34 +119,6 @@ impl AttachedLane {
         })
     }
 
-    /// Sends the environments to copy, `[count]`.
-    pub(super) fn send_fork(
-        &mut self,
-        from: &[i32],
-        to: &[i32],
-        seed: Option<u64>,
-        wait: &mut WaitOptions<'_>,
-    ) -> Result<(), ClientError> {
-        if from.len() != to.len() {
-            return Err(ClientError::WrongForks { from: from.len(), to: to.len() });
-        }
-        let num_envs = self.description.settings.num_envs;
-        from.iter().try_for_each(|env| env_index(*env, num_envs).map(drop))?;
-        self.send_to_some(RequestKind::Fork { seed }, to, bytemuck::cast_slice(from), wait)
-    }
-
-    fn send_to_some(
-        &mut self,
-        kind: RequestKind,
-        ids: &[i32],
-        body: &[u8],
-        wait: &mut WaitOptions<'_>,
-    ) -> Result<(), ClientError> {
-        let reserved = self.outstanding.reserve_some(self.last_request.next(), ids);
-        reserved.map_err(|rejection| self.refused(rejection))?;
-        self.send(kind, ids, body, wait)
-    }
-
     /// Why a request is not sent. The results of a pool that has died never arrive, so its environments would
     /// be busy without end.
     fn refused(&self, rejection: Rejection) -> ClientError {
@@ -161,15 +126,9 @@ impl AttachedLane {
         if has_died { self.pool_died() } else { rejection.into() }
     }
 
-    /// Sends a request whose environments are reserved, and frees them if it cannot be sent.
-    fn send(
-        &mut self,
-        kind: RequestKind,
-        ids: &[i32],
-        body: &[u8],
-        wait: &mut WaitOptions<'_>,
-    ) -> Result<(), ClientError> {
-        let number = self.last_request.next();
+    /// Sends an order whose environments are reserved, and frees them if it cannot be sent.
+    fn send(&mut self, order: Order<'_>, ids: &[i32], wait: &mut WaitOptions<'_>) -> Result<(), ClientError> {
+        let (number, kind, body) = (self.last_request.next(), order.kind(), order.body());
         let sent = match &mut self.local {
             None => self.send_message(number, kind, ids, body, wait),
             Some(local) => {

@@ -5,7 +5,7 @@ use crate::bench::policy::Policy;
 use crate::process::{SecondProcess, resident_bytes};
 use smaclite_engine::TICKS_PER_STEP;
 use smaclite_ipc::{
-    Batch, Client, ConnectError, ControlSocketError, LaneConfig, RuntimeDir, StartError, Supervisor,
+    Batch, Client, ConnectError, ControlSocketError, LaneConfig, Order, RuntimeDir, StartError, Supervisor,
     SupervisorConfig, WaitOptions,
 };
 use smaclite_pool::fields::Field;
@@ -163,7 +163,7 @@ fn sample_asynchronously(
     let mut actions = vec![0; workload.batch_size * client.layout().sizes().n_agents];
     let mut ids = vec![0; workload.batch_size];
     let mut counts = Counts { steps: 0, unit_ticks: 0, time: Duration::ZERO, rss_bytes: 0 };
-    client.send_reset(Some(SEED), None, wait_options(&mut || false))?;
+    client.send(Order::reset(Some(SEED)), None, wait_options(&mut || false))?;
     let begin = Instant::now();
     while counts.steps == 0 || begin.elapsed() < workload.time {
         let batch = client.recv(wait_options(&mut || false))?;
@@ -171,7 +171,7 @@ fn sample_asynchronously(
         counts.add(&batch);
         drop(batch);
         client.sample_actions(Some(&ids), &mut actions)?;
-        client.send(&actions, Some(&ids), wait_options(&mut || false))?;
+        client.send(Order::Step(&actions), Some(&ids), wait_options(&mut || false))?;
         interrupt.check()?;
     }
     counts.time = begin.elapsed();
