@@ -34,7 +34,9 @@ pub(crate) fn measure(rounds: usize) -> Result<(), Box<dyn Error>> {
             SupervisorConfig { name: name.clone(), lanes, options, runtime_dir: runtime_dir.clone() };
         let _supervisor = Supervisor::start(config)?;
         // As from other processes: neither learner works in the pool.
-        let connect = |lane| Client::connect(&runtime_dir, &name, Some(lane), WaitStrategy::default());
+        let connect = |lane| {
+            Client::connect(&runtime_dir, &name, Some(lane), WaitStrategy::default(), WaitOptions::no_wait())
+        };
         let (mut big, mut small) = (connect("big")?, connect("small")?);
         let (mut alone, mut beside, mut steps, mut seconds) = (Vec::new(), Vec::new(), 0, 0.0);
         for _ in 0..rounds {

@@ -33,7 +33,7 @@ pub(crate) fn steps_per_s(
     let runtime_dir = RuntimeDir::for_current_user()?;
     let name = format!("null-{}", std::process::id());
     let _supervisor = start(&name, &runtime_dir, num_envs, options)?;
-    let mut client = Client::connect(&runtime_dir, &name, None, options.wait)?;
+    let mut client = Client::connect(&runtime_dir, &name, None, options.wait, WaitOptions::no_wait())?;
     client.reset(Some(0), None, WaitOptions::forever())?;
     let actions = vec![1; num_envs * client.description().sizes.n_agents]; // all stop
     let begin = Instant::now();

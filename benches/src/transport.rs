@@ -6,7 +6,7 @@ use smaclite_cli::bench::throughput::median;
 use smaclite_cli::process::SecondProcess;
 use smaclite_ipc::{Client, ConnectError, RuntimeDir, WaitOptions, WaitStrategy};
 use std::error::Error;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 const ROUND_TRIPS: usize = 20_000;
 
@@ -63,16 +63,7 @@ fn lane(num_envs: usize, threads: usize, wait: WaitStrategy) -> Result<f64, Box<
 
 /// Connects as soon as the pool runs.
 fn connect(name: &str, wait: WaitStrategy) -> Result<Client, ConnectError> {
-    let runtime_dir = RuntimeDir::for_current_user()?;
-    let begin = Instant::now();
-    loop {
-        match Client::connect(&runtime_dir, name, None, wait) {
-            Err(_) if begin.elapsed() < Duration::from_secs(10) => {
-                std::thread::sleep(Duration::from_millis(10))
-            }
-            result => return result,
-        }
-    }
+    Client::connect(&RuntimeDir::for_current_user()?, name, None, wait, WaitOptions::for_response())
 }
 
 /// The average time of a round trip.

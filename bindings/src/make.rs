@@ -266,7 +266,7 @@ pub fn connect(
     let client = run_on_thread(py, move |interrupted| {
         attach(&runtime_dir, record, interrupted, |interrupted| {
             let options = WaitOptions { timeout, interrupted };
-            Client::connect_within(&runtime_dir, &pool, lane.as_deref(), wait, options)
+            Client::connect(&runtime_dir, &pool, lane.as_deref(), wait, options)
         })
     })?;
     let (client, recording) = client.map_err(errors::connect_error)?;

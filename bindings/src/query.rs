@@ -5,7 +5,7 @@ use crate::errors;
 use crate::wait::run_on_thread;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use smaclite_ipc::{RuntimeDir, WaitOptions, running_pools, status_within};
+use smaclite_ipc::{RuntimeDir, WaitOptions, running_pools};
 use smaclite_scenarios::Scenario;
 
 /// The runtime directory of the current user's pools.
@@ -53,7 +53,7 @@ pub fn status(
 ) -> PyResult<Bound<'_, PyDict>> {
     let (runtime_dir, timeout) = (runtime_dir()?, to_duration(timeout)?);
     let status = run_on_thread(py, move |interrupted| {
-        status_within(&runtime_dir, &pool, WaitOptions { timeout, interrupted })
+        smaclite_ipc::status(&runtime_dir, &pool, WaitOptions { timeout, interrupted })
     })?;
     to_dict(py, &status.map_err(errors::connect_error)?)
 }

@@ -60,7 +60,7 @@ impl Spectator {
         let runtime_dir = runtime_dir()?;
         let spectator = run_on_thread(py, move |cancelled| {
             let wait = WaitOptions::interrupted_by(cancelled);
-            smaclite_ipc::Spectator::connect_within(&runtime_dir, &pool, lane.as_deref(), wait)
+            smaclite_ipc::Spectator::connect(&runtime_dir, &pool, lane.as_deref(), wait)
         })?;
         let spectator = spectator.map_err(connect_error)?;
         end_at_exit(spectator.folder_use());

@@ -35,7 +35,8 @@ use std::sync::Arc;
 /// # let config = SupervisorConfig { name, lanes, options, runtime_dir: runtime_dir.clone() };
 /// # let supervisor = Supervisor::start(config)?;
 ///
-/// let mut client = Client::connect(&runtime_dir, "train", None, Default::default())?;
+/// let wait = WaitOptions::forever();
+/// let mut client = Client::connect(&runtime_dir, "train", None, Default::default(), wait)?;
 /// let sizes = client.description().sizes;
 /// let batch = client.reset(Some(1), None, WaitOptions::forever())?;
 /// assert_eq!(batch.env_id(), [0, 1]);

@@ -34,15 +34,16 @@ use smaclite_pool::EpisodePart;
 /// # let config = SupervisorConfig { name, lanes, options, runtime_dir: runtime_dir.clone() };
 /// # let supervisor = Supervisor::start(config)?;
 ///
-/// let mut follower = Follower::connect(&runtime_dir, "train", None, &[1])?;
-/// let mut client = Client::connect(&runtime_dir, "train", None, Default::default())?;
+/// let mut follower = Follower::connect(&runtime_dir, "train", None, &[1], WaitOptions::forever())?;
+/// let wait = WaitOptions::forever();
+/// let mut client = Client::connect(&runtime_dir, "train", None, Default::default(), wait)?;
 /// client.reset(Some(1), None, WaitOptions::forever())?;
 /// let mut actions = vec![0; 2 * 3];
 /// client.sample_actions(None, &mut actions)?;
 /// client.step(&actions, None, WaitOptions::forever())?;
-/// let parts = follower.read()?;
-/// assert!(parts.iter().all(|part| part.env_id == 1));
-/// # assert!(!parts.is_empty());
+/// let piece = follower.read(WaitOptions::forever())?;
+/// assert!(piece.parts.iter().all(|part| part.env_id == 1) && !piece.more);
+/// # assert!(!piece.parts.is_empty());
 /// # drop((client, follower));
 /// # drop(supervisor);
 /// # Ok(())
@@ -56,8 +57,6 @@ pub struct Follower {
     connection: ProcessOwned<ControlClient>,
     description: LaneDescription,
     setup: BattleSetup,
-    /// Received by a call of [`read`](Follower::read) that failed later.
-    unread: Vec<FollowedPart>,
 }
 
 /// A piece of what followed environments did.
@@ -79,26 +78,12 @@ pub struct FollowedPart {
 }
 
 impl Follower {
-    /// Follows environments of a lane, of the only lane if none is named. Each log begins with the present
-    /// state.
+    /// Follows environments of a lane of a pool that runs, of its only lane if none is named. Each log begins
+    /// with the present state. Waits for the pool's answer.
     ///
     /// # Errors
-    /// If the pool cannot be reached, the lane has no such environment, or too many
-    /// followers.
+    /// If the pool cannot be reached, the lane has no such environment, or too many followers.
     pub fn connect(
-        runtime_dir: &RuntimeDir,
-        pool: &str,
-        lane: Option<&str>,
-        env_ids: &[usize],
-    ) -> Result<Follower, ConnectError> {
-        Follower::connect_within(runtime_dir, pool, lane, env_ids, WaitOptions::for_response())
-    }
-
-    /// As [`connect`](Follower::connect), with a limit to the wait for the pool's answer.
-    ///
-    /// # Errors
-    /// As [`connect`](Follower::connect).
-    pub fn connect_within(
         runtime_dir: &RuntimeDir,
         pool: &str,
         lane: Option<&str>,
@@ -108,7 +93,7 @@ impl Follower {
         let request = ControlRequest::Follow { lane: lane.map(str::to_owned), env_ids: env_ids.to_vec() };
         let (connection, response) = ControlClient::request(runtime_dir, pool, &request, wait)?;
         let (description, setup) = setup_in(response)?;
-        Ok(Follower { connection: ProcessOwned::new(connection), description, setup, unread: Vec::new() })
+        Ok(Follower { connection: ProcessOwned::new(connection), description, setup })
     }
 
     /// The lane.
@@ -121,28 +106,13 @@ impl Follower {
         &self.setup
     }
 
-    /// What the environments did since the last call, by environment and in order. The pool has 10 seconds to
-    /// answer.
+    /// The next piece of what the environments did since the last call: some 100 kB, or less if that is all.
+    /// Waits for the pool's answer.
     ///
     /// # Errors
-    /// If the pool is gone or does not answer. Nothing is lost: the next call returns what was received
-    /// before the error, and what the pool answers late.
-    pub fn read(&mut self) -> Result<Vec<FollowedPart>, ClientError> {
-        loop {
-            let piece = self.read_piece(WaitOptions::for_response())?;
-            self.unread.extend(piece.parts);
-            if !piece.more {
-                return Ok(std::mem::take(&mut self.unread));
-            }
-        }
-    }
-
-    /// The next piece of what the environments did: some 100 kB, or less if that is all. A reader of much
-    /// needs less memory so.
-    ///
-    /// # Errors
-    /// As [`read`](Follower::read).
-    pub fn read_piece(&mut self, wait: WaitOptions<'_>) -> Result<Piece, ClientError> {
+    /// If the pool is gone or does not answer. Nothing is lost: the next call returns what the pool answers
+    /// late.
+    pub fn read(&mut self, wait: WaitOptions<'_>) -> Result<Piece, ClientError> {
         let connection = self.connection.get_mut()?;
         let response = connection.repeat(&ControlRequest::ReadEpisodes, wait);
         let (response, is_late) = response.map_err(ClientError::of_socket)?;

@@ -19,7 +19,8 @@
 //! let config = SupervisorConfig { name, lanes, options, runtime_dir: runtime_dir.clone() };
 //! let supervisor = Supervisor::start(config)?;
 //!
-//! let mut client = Client::connect(&runtime_dir, "train", None, Default::default())?;
+//! let wait = WaitOptions::forever();
+//! let mut client = Client::connect(&runtime_dir, "train", None, Default::default(), wait)?;
 //! let batch = client.reset(Some(1), None, WaitOptions::forever())?;
 //! assert_eq!(batch.obs().len(), 4 * 5 * client.description().sizes.obs_size);
 //! let mut actions = vec![0; 4 * 5];
@@ -85,13 +86,8 @@ use std::time::Duration;
 /// How often a wait checks what cannot wake it: whether the peer lives, and whether the caller wants to stop.
 const CHECK_INTERVAL: Duration = Duration::from_millis(100);
 
-/// The status of a pool, which has 10 seconds to answer.
-pub fn status(runtime_dir: &RuntimeDir, pool: &str) -> Result<PoolStatus, ConnectError> {
-    status_within(runtime_dir, pool, WaitOptions::for_response())
-}
-
 /// The status of a pool, if it answers in time.
-pub fn status_within(
+pub fn status(
     runtime_dir: &RuntimeDir,
     pool: &str,
     wait: WaitOptions<'_>,

@@ -41,9 +41,10 @@ const MAX_HELD: usize = 2;
 /// # let config = SupervisorConfig { name, lanes, options, runtime_dir: runtime_dir.clone() };
 /// # let supervisor = Supervisor::start(config)?;
 ///
-/// let mut spectator = Spectator::connect(&runtime_dir, "train", None)?;
+/// let mut spectator = Spectator::connect(&runtime_dir, "train", None, WaitOptions::forever())?;
 /// assert!(spectator.latest()?.is_none()); // there was no batch yet
-/// let mut client = Client::connect(&runtime_dir, "train", None, Default::default())?;
+/// let wait = WaitOptions::forever();
+/// let mut client = Client::connect(&runtime_dir, "train", None, Default::default(), wait)?;
 /// client.reset(Some(1), None, WaitOptions::forever())?;
 /// let batch = spectator.latest()?.ok_or("a batch")?;
 /// assert_eq!(batch.sequence(), 1);
@@ -73,17 +74,8 @@ struct WatchedLane {
 }
 
 impl Spectator {
-    /// Watches a lane of a pool: its only lane, if none is named.
+    /// Watches a lane of a pool that runs: its only lane, if none is named. Waits for the pool's answer.
     pub fn connect(
-        runtime_dir: &RuntimeDir,
-        pool: &str,
-        lane: Option<&str>,
-    ) -> Result<Spectator, ConnectError> {
-        Spectator::connect_within(runtime_dir, pool, lane, WaitOptions::for_response())
-    }
-
-    /// As [`connect`](Spectator::connect), with a limit to the wait for the pool's answer.
-    pub fn connect_within(
         runtime_dir: &RuntimeDir,
         pool: &str,
         lane: Option<&str>,

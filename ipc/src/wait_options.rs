@@ -27,9 +27,14 @@ impl<'a> WaitOptions<'a> {
 }
 
 impl WaitOptions<'static> {
-    /// As long as a supervisor may take to answer.
-    pub(crate) fn for_response() -> Self {
+    /// As long as a supervisor may take to answer, which is 10 seconds.
+    pub fn for_response() -> Self {
         WaitOptions { timeout: Some(RESPONSE_TIMEOUT), ..WaitOptions::forever() }
+    }
+
+    /// Not at all: a timeout of zero.
+    pub fn no_wait() -> Self {
+        WaitOptions { timeout: Some(Duration::ZERO), ..WaitOptions::forever() }
     }
 
     /// No timeout and no interruption.

@@ -6,7 +6,7 @@ use rustix::process::{Resource, Rlimit, Signal, getrlimit, setrlimit};
 use smaclite_ipc::control::protocol::PROTOCOL_VERSION;
 use smaclite_ipc::{
     Client, ConnectError, ControlSocketError, Follower, Spectator, WaitOptions, WaitStrategy, lane_scenario,
-    status, status_within,
+    status,
 };
 use smaclite_tests::process::{NEW_PROCESS_NAMESPACE, TIMEOUT, can_launch, role_command, run_to_end};
 use smaclite_tests::raw_client::{Control, attach_request, request};
@@ -26,13 +26,7 @@ fn connect_within(
     timeout: Option<Duration>,
     interrupted: &mut dyn FnMut() -> bool,
 ) -> Result<Client, ConnectError> {
-    Client::connect_within(
-        dir.runtime_dir(),
-        "train",
-        None,
-        WaitStrategy::default(),
-        WaitOptions { timeout, interrupted },
-    )
+    dir.connect(None, WaitStrategy::default(), WaitOptions { timeout, interrupted })
 }
 
 /// Requests to a stopped supervisor took ten seconds, whatever their timeout; `list` then said that no pool
@@ -61,7 +55,7 @@ fn a_stopped_supervisor_does_not_block_its_clients() {
     };
     assert!(interrupted(connect_within(&dir, None, &mut third_check).expect_err("it is stopped")));
     let wait = WaitOptions { timeout: None, interrupted: &mut || true };
-    assert!(interrupted(status_within(dir.runtime_dir(), "train", wait).expect_err("it is stopped")));
+    assert!(interrupted(status(dir.runtime_dir(), "train", wait).expect_err("it is stopped")));
 
     let second = Child::try_supervisor(&dir, &plan);
     let error = second.answer(TIMEOUT).expect_err("the name is in use");
@@ -73,7 +67,7 @@ fn a_stopped_supervisor_does_not_block_its_clients() {
     assert_contains(&error, &["`train`", "did not answer", "1 of 1 pools"]);
     assert_eq!(smaclite_ipc::running_pools(dir.runtime_dir()), ["train"]);
     supervisor.signal(Signal::CONT);
-    assert!(status(dir.runtime_dir(), "train").is_ok());
+    assert!(status(dir.runtime_dir(), "train", WaitOptions::for_response()).is_ok());
 }
 
 #[test]
@@ -152,8 +146,8 @@ fn a_learner_outside_of_the_pools_process_namespace_gets_an_error() {
     let plan = PoolPlan::new([LanePlan::new("2s3z", 2)]);
     let supervisor = Child::launch(&dir, NEW_PROCESS_NAMESPACE, &plan.role());
     supervisor.answer(TIMEOUT * 2).expect("it serves");
-    let error = Client::connect(dir.runtime_dir(), "train", None, WaitStrategy::default())
-        .expect_err("another namespace");
+    let error =
+        dir.connect(None, WaitStrategy::default(), WaitOptions::no_wait()).expect_err("another namespace");
     assert_contains(&error.to_string(), &["process namespace", "`train`", "--pid=container"]);
     assert_eq!(dir.status().lanes[0].learner_pid, None);
 }
@@ -162,8 +156,9 @@ fn a_learner_outside_of_the_pools_process_namespace_gets_an_error() {
 fn an_invalid_name_of_a_pool_is_its_own_error() {
     let dir = TestDir::new();
     for name in ["../../etc", "a\0b", "", "a\nb"] {
-        let error = Client::connect(dir.runtime_dir(), name, None, WaitStrategy::default())
-            .expect_err("an invalid name");
+        let error =
+            Client::connect(dir.runtime_dir(), name, None, WaitStrategy::default(), WaitOptions::no_wait())
+                .expect_err("an invalid name");
         assert!(matches!(error, ConnectError::Control(ControlSocketError::Name(_))), "{error}");
         assert_contains(&error.to_string(), &[&name.escape_debug().to_string(), "letters"]);
         assert!(!error.to_string().contains('\n'), "{error}");
@@ -191,8 +186,8 @@ fn a_pool_that_dies_while_a_learner_attaches_is_reported_as_gone() {
                 stream.read_line(&mut String::new()).expect("a request");
                 stream.get_mut().write_all(last_answer.as_bytes()).expect("a learner that reads");
             });
-            let error = Client::connect(dir.runtime_dir(), "train", None, WaitStrategy::default())
-                .expect_err("it is gone");
+            let error =
+                dir.connect(None, WaitStrategy::default(), WaitOptions::no_wait()).expect_err("it is gone");
             assert!(matches!(error, ConnectError::Control(ControlSocketError::Gone { .. })), "{error}");
             assert_contains(&error.to_string(), &["supervisor", "`train`", "gone"]);
         });
@@ -239,12 +234,13 @@ fn a_pool_of_another_release_gives_an_error_that_names_both() {
     let dir = TestDir::new();
     let ours = format!("release {} (protocol {PROTOCOL_VERSION})", env!("CARGO_PKG_VERSION"));
     let runtime_dir = dir.runtime_dir();
+    let wait = WaitOptions::for_response;
     let requests: [&dyn Fn() -> Option<ConnectError>; 5] = [
-        &|| status(runtime_dir, "train").err(),
-        &|| Client::connect(runtime_dir, "train", None, WaitStrategy::default()).err(),
-        &|| Spectator::connect(runtime_dir, "train", None).err(),
-        &|| Follower::connect(runtime_dir, "train", None, &[0]).err(),
-        &|| lane_scenario(runtime_dir, "train", None, WaitOptions::forever()).err(),
+        &|| status(runtime_dir, "train", wait()).err(),
+        &|| dir.connect(None, WaitStrategy::default(), wait()).err(),
+        &|| Spectator::connect(runtime_dir, "train", None, wait()).err(),
+        &|| Follower::connect(runtime_dir, "train", None, &[0], wait()).err(),
+        &|| lane_scenario(runtime_dir, "train", None, wait()).err(),
     ];
     for request in requests {
         let socket = runtime_dir.socket("train");

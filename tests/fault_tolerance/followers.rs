@@ -3,7 +3,8 @@
 use rustix::process::Signal;
 use smaclite_engine::{Battle, Scratch};
 use smaclite_ipc::{
-    Client, ClientError, ControlSocketError, FollowedPart, Follower, MAX_LOG_BYTES, WaitOptions,
+    Client, ClientError, ConnectError, ControlSocketError, FollowedPart, Follower, MAX_LOG_BYTES, Piece,
+    WaitOptions,
 };
 use smaclite_pool::Autoreset;
 use smaclite_pool::fields::Field;
@@ -13,6 +14,22 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
+
+fn follow(dir: &TestDir, lane: Option<&str>, env_ids: &[usize]) -> Result<Follower, ConnectError> {
+    Follower::connect(dir.runtime_dir(), "train", lane, env_ids, WaitOptions::for_response())
+}
+
+/// All that happened since the last call.
+fn read_all(follower: &mut Follower) -> Result<Vec<FollowedPart>, ClientError> {
+    let mut all = Vec::new();
+    loop {
+        let Piece { parts, more } = follower.read(WaitOptions::for_response())?;
+        all.extend(parts);
+        if !more {
+            return Ok(all);
+        }
+    }
+}
 
 /// Plays again what a follower receives.
 struct Mirror {
@@ -24,14 +41,14 @@ struct Mirror {
 
 impl Mirror {
     fn follow(dir: &TestDir, env_ids: &[usize]) -> Mirror {
-        let follower = Follower::connect(dir.runtime_dir(), "train", None, env_ids).expect("a follower");
+        let follower = follow(dir, None, env_ids).expect("a follower");
         let arena = Arc::new(follower.setup().arena().expect("the lane's scenario").1);
         let battle = |env_id: &usize| (*env_id, (Battle::new(Arc::clone(&arena), 0), 0, false));
         Mirror { scratch: Scratch::new(), battles: env_ids.iter().map(battle).collect(), follower }
     }
 
     fn catch_up(&mut self) {
-        for followed in self.follower.read().expect("the pool lives") {
+        for followed in read_all(&mut self.follower).expect("the pool lives") {
             let (battle, number, is_over) = self.battles.get_mut(&followed.env_id).expect("it is followed");
             if let Some(start) = &followed.part.start {
                 battle.restore(start).expect("a snapshot of the same scenario");
@@ -113,7 +130,7 @@ fn a_follower_of_what_cannot_be_followed_gets_an_error() {
     let plan = PoolPlan::new([LanePlan::new("3m", 2), LanePlan::new("MMM", 2)]);
     let _supervisor = dir.start(&plan);
     let error = |lane: Option<&str>, env_ids: &[usize]| {
-        let follower = Follower::connect(dir.runtime_dir(), "train", lane, env_ids);
+        let follower = follow(&dir, lane, env_ids);
         follower.err().expect("it is refused").to_string()
     };
     let too_many = vec![0; 65];
@@ -126,11 +143,11 @@ fn a_follower_of_what_cannot_be_followed_gets_an_error() {
     ] {
         crate::assert_contains(&error(lane, env_ids), parts);
     }
-    let connect = || Follower::connect(dir.runtime_dir(), "train", Some("3m"), &[0]).expect("a follower");
+    let connect = || follow(&dir, Some("3m"), &[0]).expect("a follower");
     let mut followers: Vec<Follower> = (0..16).map(|_| connect()).collect();
     crate::assert_contains(&error(Some("3m"), &[1]), &["lane `3m`", "16 followers"]);
     followers.pop();
-    let is_free = || Follower::connect(dir.runtime_dir(), "train", Some("3m"), &[1]).is_ok();
+    let is_free = || follow(&dir, Some("3m"), &[1]).is_ok();
     assert!(eventually(is_free), "a follower that left makes room");
 }
 
@@ -148,7 +165,7 @@ fn followers_that_stop_or_outlive_their_pool_disturb_no_other_process() {
     assert_eq!(idle.state(3), mirror.state(3));
     supervisor.signal(Signal::KILL);
     supervisor.wait(TIMEOUT);
-    let error = mirror.follower.read().expect_err("the pool is dead");
+    let error = read_all(&mut mirror.follower).expect_err("the pool is dead");
     assert!(matches!(error, ClientError::PoolDied { .. }), "{error}");
 }
 
@@ -164,12 +181,12 @@ fn what_is_read_late_is_limited_and_what_was_lost_is_counted() {
     let dir = TestDir::new();
     let _supervisor = Child::supervisor(&dir, &short_episodes(64));
     let env_ids: Vec<usize> = (0..64).collect();
-    let mut late = Follower::connect(dir.runtime_dir(), "train", None, &env_ids).expect("a follower");
+    let mut late = follow(&dir, None, &env_ids).expect("a follower");
     let mut client = dir.client();
     client.reset(Some(5), None, WaitOptions::forever()).expect("a batch");
     (0..500).for_each(|_| drop(step(&mut client)));
 
-    let parts = late.read().expect("the pool lives");
+    let parts = read_all(&mut late).expect("the pool lives");
     let bytes = |part: &FollowedPart| {
         part.part.start.as_ref().map_or(0, |start| start.memory()) + 2 * part.part.actions.len()
     };
@@ -185,7 +202,7 @@ fn what_is_read_late_is_limited_and_what_was_lost_is_counted() {
         assert!(of_env[1..].iter().all(|part| part.part.lost == 0));
     }
     drop(step(&mut client));
-    let next = late.read().expect("the pool lives");
+    let next = read_all(&mut late).expect("the pool lives");
     assert!(next.len() <= 2 * 64 && next.iter().all(|part| part.part.lost == 0));
 }
 
@@ -196,7 +213,7 @@ fn a_pool_answers_while_sixteen_followers_read() {
     let dir = TestDir::new();
     let _supervisor = Child::supervisor(&dir, &short_episodes(64));
     let env_ids: Vec<usize> = (0..64).collect();
-    let connect = |_| Follower::connect(dir.runtime_dir(), "train", None, &env_ids).expect("a follower");
+    let connect = |_| follow(&dir, None, &env_ids).expect("a follower");
     let followers: Vec<Follower> = (0..16).map(connect).collect();
     let mut client = dir.client();
     client.reset(Some(5), None, WaitOptions::forever()).expect("a batch");
@@ -208,7 +225,7 @@ fn a_pool_answers_while_sixteen_followers_read() {
             let stop = &stop;
             scope.spawn(move || {
                 while !stop.load(Ordering::Relaxed) {
-                    follower.read().expect("the pool lives");
+                    read_all(&mut follower).expect("the pool lives");
                 }
             });
         }
@@ -230,25 +247,25 @@ fn a_late_answer_is_not_taken_for_the_next_one() {
     let dir = TestDir::new();
     let plan = PoolPlan::new([LanePlan::new("2s3z", 2)]);
     let (supervisor, mut learner) = Child::supervisor_and_learner(&dir, &plan);
-    let mut follower = Follower::connect(dir.runtime_dir(), "train", None, &[0]).expect("a follower");
+    let mut follower = follow(&dir, None, &[0]).expect("a follower");
     let mut steps = 0;
     let mut count = |parts: Vec<FollowedPart>| {
         steps += parts.iter().map(|part| part.part.actions.len() / 5).sum::<usize>();
         steps
     };
     learner.must("step 10");
-    let before = count(follower.read().expect("the pool lives"));
+    let before = count(read_all(&mut follower).expect("the pool lives"));
     supervisor.signal(Signal::STOP);
     for _ in 0..2 {
         let wait = WaitOptions { timeout: Some(Duration::from_millis(100)), ..WaitOptions::forever() };
-        let error = follower.read_piece(wait).expect_err("it is stopped");
+        let error = follower.read(wait).expect_err("it is stopped");
         assert!(matches!(error, ClientError::Control(ControlSocketError::Silent { .. })), "{error}");
     }
     supervisor.signal(Signal::CONT);
     assert!(eventually(|| dir.status().lanes[0].stats.steps > 0));
     learner.must("step 30");
-    let after = count(follower.read().expect("the pool lives"));
+    let after = count(read_all(&mut follower).expect("the pool lives"));
     // A reset is not a step of the log.
     assert!(after >= before + 27, "{before} steps, then {after}");
-    assert_eq!(count(follower.read().expect("the pool lives")), after, "everything was read at once");
+    assert_eq!(count(read_all(&mut follower).expect("the pool lives")), after, "everything was read at once");
 }

@@ -1,7 +1,7 @@
 //! Spectators that never read, stop, or die.
 
 use rustix::process::Signal;
-use smaclite_ipc::Spectator;
+use smaclite_ipc::{Spectator, WaitOptions};
 use smaclite_tests::fault::Fault;
 use smaclite_tests::process::TIMEOUT;
 use smaclite_tests::raw_client::{frame_subscriber, node};
@@ -70,7 +70,8 @@ fn a_spectator_keeps_the_newest_batch_when_an_error_report_comes() {
     let dir = TestDir::new();
     let plan = PoolPlan::new([LanePlan::new("2s3z", 4).fault(2, Fault::PanicInStep(4))]);
     let _supervisor = dir.start(&plan);
-    let mut spectator = Spectator::connect(dir.runtime_dir(), "train", None).expect("a spectator");
+    let mut spectator = Spectator::connect(dir.runtime_dir(), "train", None, WaitOptions::for_response())
+        .expect("a spectator");
     let mut newest = || spectator.latest().expect("the pool lives").map(|batch| batch.sequence());
     let mut learner = dir.learner(&plan.lanes[0]);
     assert_eq!(newest(), None);

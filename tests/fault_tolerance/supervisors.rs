@@ -134,8 +134,8 @@ fn a_reset_of_all_that_was_not_accepted_changes_nothing() {
     ]);
     let supervisor = Child::supervisor(&dir, &plan);
     let mut learner = dir.learner(&plan.lanes[0]);
-    let mut other = Client::connect(dir.runtime_dir(), "train", Some("synchronous"), WaitStrategy::default())
-        .expect("a client");
+    let mut other =
+        dir.connect(Some("synchronous"), WaitStrategy::default(), WaitOptions::no_wait()).expect("a client");
     learner.reset(None, TIMEOUT).expect("a reset");
     exchange(&mut other, |client| client.send(Order::reset(Some(1)), None, WaitOptions::forever()));
     supervisor.signal(Signal::STOP);

@@ -99,7 +99,8 @@ fn the_actions_of_a_batch_are_those_of_its_battles() {
     let pool = PoolPlan::new([lane]);
     let _embedded = dir.start(&pool);
     let mut client =
-        Client::connect(dir.runtime_dir(), &pool.name, None, Default::default()).expect("a pool");
+        Client::connect(dir.runtime_dir(), &pool.name, None, Default::default(), WaitOptions::no_wait())
+            .expect("a pool");
     let arena = Arc::new(Arena::new(&scenario, Rules::default()));
     let mut battles = [0, 1, 2].map(|env| Battle::new(Arc::clone(&arena), SEED + env));
     let (mut actions, mut scratch) = (vec![0; 3 * arena.sizes().n_agents], Scratch::new());

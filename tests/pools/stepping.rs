@@ -27,7 +27,7 @@ impl Way {
     fn connect(self, dir: &TestDir, pool: &Supervisor, wait: WaitStrategy) -> Client {
         match self {
             Way::Calls => pool.connect(None, wait),
-            Way::Messages => Client::connect(dir.runtime_dir(), "train", None, wait),
+            Way::Messages => dir.connect(None, wait, WaitOptions::no_wait()),
         }
         .expect("a client")
     }

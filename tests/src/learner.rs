@@ -46,7 +46,8 @@ impl Learner {
         plan: &LanePlan,
         wait: WaitStrategy,
     ) -> Result<Learner, ConnectError> {
-        Ok(Learner::new(Client::connect(runtime_dir, pool, Some(&plan.name), wait)?, plan))
+        let client = Client::connect(runtime_dir, pool, Some(&plan.name), wait, WaitOptions::no_wait())?;
+        Ok(Learner::new(client, plan))
     }
 
     /// The learner of a client of the plan's lane.

@@ -11,7 +11,7 @@
 
 use crate::process::{ROLE_VARIABLE, TIMEOUT, answer};
 use crate::{LanePlan, Learner, PoolPlan, chaos, other_user};
-use smaclite_ipc::{Batch, ConnectError, RuntimeDir, Spectator, Supervisor};
+use smaclite_ipc::{Batch, ConnectError, RuntimeDir, Spectator, Supervisor, WaitOptions};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -69,14 +69,15 @@ pub const FIRST_FRAME: &str = "first frame";
 
 /// Reads the newest frame of a lane again and again, until there is an error.
 fn spectator(lane: &str) -> i32 {
-    let mut spectator =
-        match runtime_dir().and_then(|runtime_dir| Spectator::connect(&runtime_dir, "train", Some(lane))) {
-            Ok(spectator) => spectator,
-            Err(error) => {
-                answer::<&str, _>(Err(error));
-                return 1;
-            }
-        };
+    let mut spectator = match runtime_dir().and_then(|runtime_dir| {
+        Spectator::connect(&runtime_dir, "train", Some(lane), WaitOptions::for_response())
+    }) {
+        Ok(spectator) => spectator,
+        Err(error) => {
+            answer::<&str, _>(Err(error));
+            return 1;
+        }
+    };
     answer::<_, String>(Ok("connected"));
     let mut has_answered = false;
     loop {

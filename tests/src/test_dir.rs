@@ -2,7 +2,7 @@
 
 use crate::waiting::eventually;
 use crate::{LanePlan, Learner, PoolPlan};
-use smaclite_ipc::{Client, PoolStatus, RuntimeDir, Supervisor, WaitStrategy};
+use smaclite_ipc::{Client, ConnectError, PoolStatus, RuntimeDir, Supervisor, WaitOptions, WaitStrategy};
 use std::path::{Path, PathBuf};
 
 /// A private root directory, removed at the end together with what the test left in `/dev/shm`.
@@ -55,7 +55,20 @@ impl TestDir {
     /// # Panics
     /// If it cannot attach.
     pub fn client(&self) -> Client {
-        Client::connect(&self.runtime_dir, "train", None, WaitStrategy::default()).expect("a client")
+        self.connect(None, WaitStrategy::default(), WaitOptions::no_wait()).expect("a client")
+    }
+
+    /// Attaches a client of this process to a lane of pool `train`.
+    ///
+    /// # Errors
+    /// The client's.
+    pub fn connect(
+        &self,
+        lane: Option<&str>,
+        strategy: WaitStrategy,
+        wait: WaitOptions<'_>,
+    ) -> Result<Client, ConnectError> {
+        Client::connect(&self.runtime_dir, "train", lane, strategy, wait)
     }
 
     /// The status of pool `train`.
@@ -63,7 +76,7 @@ impl TestDir {
     /// # Panics
     /// If it does not run.
     pub fn status(&self) -> PoolStatus {
-        smaclite_ipc::status(&self.runtime_dir, "train").expect("a status")
+        smaclite_ipc::status(&self.runtime_dir, "train", WaitOptions::for_response()).expect("a status")
     }
 
     /// The files in it, and the files and directories of its pools in `/dev/shm`.

@@ -4,7 +4,7 @@ use super::table::Table;
 use super::{CommandResult, completions, megabytes, runtime_dir};
 use clap::Args;
 use smaclite_ipc::{
-    ConnectError, ControlSocketError, LaneStatus, PoolStatus, RuntimeDir, running_pools, status,
+    ConnectError, ControlSocketError, LaneStatus, PoolStatus, RuntimeDir, WaitOptions, running_pools, status,
 };
 use std::thread::ScopedJoinHandle;
 
@@ -65,7 +65,8 @@ fn print_pools(pools: &[PoolStatus]) -> std::io::Result<()> {
 impl Status {
     pub(super) fn run(self) -> CommandResult {
         let runtime_dir = runtime_dir()?;
-        let pool = status(&runtime_dir, &given_or_only_pool(self.name, &runtime_dir)?)?;
+        let pool =
+            status(&runtime_dir, &given_or_only_pool(self.name, &runtime_dir)?, WaitOptions::for_response())?;
         if self.json {
             out!("{}", serde_json::to_string_pretty(&pool)?)?;
             return Ok(());
@@ -173,7 +174,7 @@ fn mean_return(lane: &LaneStatus) -> String {
 fn request_all(runtime_dir: &RuntimeDir) -> (Vec<PoolStatus>, Vec<ConnectError>) {
     let names = running_pools(runtime_dir);
     let results: Vec<_> = std::thread::scope(|scope| {
-        let request = |name: &String| status(runtime_dir, name);
+        let request = |name: &String| status(runtime_dir, name, WaitOptions::for_response());
         let begin = |name| std::thread::Builder::new().spawn_scoped(scope, move || request(name));
         let threads: Vec<_> = names.iter().map(|name| (name, begin(name))).collect();
         let answer = |(name, thread): (&String, std::io::Result<ScopedJoinHandle<_>>)| match thread {

@@ -5,7 +5,7 @@ use crate::web::live::Live;
 use crate::web::{ServeOptions, serve};
 use crate::{CommandResult, completions, runtime_dir};
 use clap::Args;
-use smaclite_ipc::{ControlError, status};
+use smaclite_ipc::{ControlError, WaitOptions, status};
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  smaclite-pool watch train --open\n  \
@@ -28,7 +28,7 @@ impl Watch {
     pub(super) fn run(self) -> CommandResult {
         let runtime_dir = runtime_dir()?;
         let pool = given_or_only_pool(self.pool, &runtime_dir)?;
-        let lanes = status(&runtime_dir, &pool)?.lanes;
+        let lanes = status(&runtime_dir, &pool, WaitOptions::for_response())?.lanes;
         let mut lanes = lanes.into_iter().map(|lane| lane.description.lane).collect::<Vec<_>>();
         let lane = match self.lane {
             Some(lane) if lanes.contains(&lane) => lane,

@@ -152,7 +152,7 @@ impl Lanes {
     ) -> Result<Lanes, LaneError> {
         let mut connect = |lane: Option<&str>, interrupted: Interrupted<'_>| {
             let wait = WaitOptions { timeout: Some(Duration::ZERO), interrupted };
-            Client::connect_within(runtime_dir, pool, lane, WaitStrategy::default(), wait)
+            Client::connect(runtime_dir, pool, lane, WaitStrategy::default(), wait)
         };
         Lanes::attach_by(&mut connect, setup, runtime_dir, pool, names, interrupted)
     }

@@ -46,7 +46,7 @@ impl PoolRecorder {
         max_episodes: usize,
         wait: WaitOptions<'_>,
     ) -> Result<PoolRecorder, ConnectError> {
-        let follower = Follower::connect_within(runtime_dir, pool, lane, env_ids, wait)?;
+        let follower = Follower::connect(runtime_dir, pool, lane, env_ids, wait)?;
         // Files that are no scenario are an error of `replay`.
         let arena = follower.setup().arena().ok();
         // The learner of the lane sees one side where a team plays the other.
@@ -67,7 +67,7 @@ impl PoolRecorder {
     /// As [`Follower::read`]; what was received before stays.
     pub fn read(&mut self, mut wait: WaitOptions<'_>) -> Result<(), ClientError> {
         loop {
-            let piece = self.follower.read_piece(wait.reborrow())?;
+            let piece = self.follower.read(wait.reborrow())?;
             for FollowedPart { env_id, part } in piece.parts {
                 self.kept.add(env_id, part, |start, is_first| self.fresh.start_of(start, is_first));
             }

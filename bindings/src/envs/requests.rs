@@ -107,8 +107,7 @@ pub(super) fn begin_step(
     actions: Actions<'_>,
     ids: Option<&[i32]>,
 ) -> PyResult<()> {
-    let no_wait = WaitOptions { timeout: Some(Duration::ZERO), interrupted: &mut || false };
-    match actions.read(|actions| client.begin(Order::Step(actions), ids, no_wait)) {
+    match actions.read(|actions| client.begin(Order::Step(actions), ids, WaitOptions::no_wait())) {
         Err(ClientError::NotAccepted { .. }) => {
             // The arrays must not be read while other Python code runs.
             let actions = actions.read(<[i32]>::to_vec);

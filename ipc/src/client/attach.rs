@@ -39,21 +39,9 @@ pub(super) struct Ports {
 }
 
 impl Client {
-    /// Attaches to a lane of a running pool: to its only lane, if none is named. The pool has 10 seconds to
-    /// answer.
+    /// Attaches to a lane of a pool, to its only lane if none is named, and waits until the pool appears and
+    /// answers. With a timeout of zero it must run already, and has 10 seconds to answer.
     pub fn connect(
-        runtime_dir: &RuntimeDir,
-        pool: &str,
-        lane: Option<&str>,
-        strategy: WaitStrategy,
-    ) -> Result<Client, ConnectError> {
-        let wait = WaitOptions { timeout: Some(Duration::ZERO), interrupted: &mut || false };
-        Client::connect_within(runtime_dir, pool, lane, strategy, wait)
-    }
-
-    /// Attaches to a lane of a pool, and waits until the pool appears and answers. With a timeout of zero it
-    /// must run already, and has 10 seconds to answer.
-    pub fn connect_within(
         runtime_dir: &RuntimeDir,
         pool: &str,
         lane: Option<&str>,

@@ -58,7 +58,8 @@ use std::time::Instant;
 /// # let config = SupervisorConfig { name, lanes, options, runtime_dir: runtime_dir.clone() };
 /// # let supervisor = Supervisor::start(config)?;
 ///
-/// let mut client = Client::connect(&runtime_dir, "train", None, Default::default())?;
+/// let wait = WaitOptions::forever();
+/// let mut client = Client::connect(&runtime_dir, "train", None, Default::default(), wait)?;
 /// let n_agents = client.description().sizes.n_agents;
 /// client.reset(Some(1), None, WaitOptions::forever())?;
 /// let mut actions = vec![0; 2 * n_agents];

@@ -22,6 +22,7 @@ use crate::process_owned::ProcessOwned;
 use crate::runtime_dir::RuntimeDir;
 use crate::services::{Ipc, LaneServices, WorkEvent, open_node};
 use crate::transport::{FrameOutlet, Iceoryx, RequestInlet, WorkBell};
+use crate::wait_options::WaitOptions;
 use control_thread::ControlThread;
 use error::at;
 use iceoryx2::prelude::Node;
@@ -118,7 +119,8 @@ impl Supervisor {
     /// # Errors
     /// As [`Client::connect`].
     pub fn connect(&self, lane: Option<&str>, strategy: WaitStrategy) -> Result<Client, ConnectError> {
-        let mut client = Client::connect(&self.runtime_dir, &self.name, lane, strategy)?;
+        let mut client =
+            Client::connect(&self.runtime_dir, &self.name, lane, strategy, WaitOptions::no_wait())?;
         let index = self.lanes.iter().position(|lane| lane.lane == client.description().lane);
         // In a forked child the pool is that of another process.
         if let Some(index) = index.filter(|_| self.pool.check().is_ok()) {

@@ -10,7 +10,7 @@ use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use smaclite_ipc::wire::RequestHeader;
-use smaclite_ipc::{Batch, ClientError, LaneDescription, RuntimeDir, Spectator, status};
+use smaclite_ipc::{Batch, ClientError, LaneDescription, RuntimeDir, Spectator, WaitOptions, status};
 use smaclite_pool::transport::{RequestKind, RequestNumber, SessionId};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -216,7 +216,8 @@ impl Client {
     /// Reads the newest frame of the lane for as long as the pool lives.
     fn spectator(&mut self) -> Result<(), String> {
         let lane = self.lane().name.clone();
-        match Spectator::connect(&self.runtime_dir, &self.plan.name, Some(&lane)) {
+        match Spectator::connect(&self.runtime_dir, &self.plan.name, Some(&lane), WaitOptions::for_response())
+        {
             Ok(mut spectator) => {
                 report("connected");
                 while !is_over() && spectator.latest().is_ok() {
@@ -236,7 +237,9 @@ impl Client {
     fn invalid_sender(&mut self) -> Result<(), String> {
         report("chooses a lane");
         sleep(100);
-        let Ok(status) = status(&self.runtime_dir, &self.plan.name) else { return Ok(()) };
+        let Ok(status) = status(&self.runtime_dir, &self.plan.name, WaitOptions::for_response()) else {
+            return Ok(());
+        };
         let lane = status.lanes.choose(&mut self.rng).expect("a lane").description.clone();
         // `raw_client` panics if the pool goes while it is used. That is expected, so it is not printed.
         std::panic::set_hook(Box::new(|_| {}));

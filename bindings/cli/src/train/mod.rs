@@ -13,7 +13,7 @@ use crate::process::interrupt_flag_once;
 use clap::Args;
 use maps::name_of;
 use smaclite_engine::{BattleSetup, Rules};
-use smaclite_ipc::{RuntimeDir, WaitOptions, lane_scenario, status_within};
+use smaclite_ipc::{RuntimeDir, WaitOptions, lane_scenario, status};
 use smaclite_learn::{
     Activation, Algorithm, Config, Enemies, Lanes, NetworkKind, Run, RunDescription, Seeds, refuse_both,
     resolve_scenario,
@@ -361,7 +361,7 @@ impl Train {
         interrupted: &mut dyn FnMut() -> bool,
     ) -> CommandResult {
         if let (Some(pool), []) = (&self.pool, &self.lane[..]) {
-            let status = status_within(runtime_dir, pool, WaitOptions::interrupted_by(interrupted))?;
+            let status = status(runtime_dir, pool, WaitOptions::interrupted_by(interrupted))?;
             let lanes = status.lanes.into_iter().map(|lane| lane.description);
             let mut fitting = lanes.filter(|lane| lane.scenario == scenario).map(|lane| lane.lane);
             if let (Some(lane), None) = (fitting.next(), fitting.next()) {

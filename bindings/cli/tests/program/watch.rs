@@ -230,8 +230,14 @@ struct Learner {
 
 impl Learner {
     fn new(place: &Place) -> Learner {
-        let mut client =
-            Client::connect(&place.runtime_dir(), "train", Some("3m"), Default::default()).expect("a lane");
+        let mut client = Client::connect(
+            &place.runtime_dir(),
+            "train",
+            Some("3m"),
+            Default::default(),
+            WaitOptions::no_wait(),
+        )
+        .expect("a lane");
         client.reset(Some(1), None, WaitOptions::forever()).expect("a batch");
         let actions = vec![0; client.description().settings.num_envs * client.description().sizes.n_agents];
         Learner { client, actions }
@@ -315,7 +321,7 @@ fn a_page_sees_what_the_learner_does() {
 }
 
 fn status_of(place: &Place) -> Value {
-    let pool = status(&place.runtime_dir(), "train").expect("a status");
+    let pool = status(&place.runtime_dir(), "train", WaitOptions::for_response()).expect("a status");
     serde_json::to_value(&pool.lanes[0]).expect("JSON")
 }
 
@@ -337,7 +343,8 @@ fn a_hidden_page_is_sent_nothing_and_holds_nothing() {
 fn a_lane_without_room_for_a_spectator_can_still_be_followed() {
     let place = Place::new();
     let _pool = place.serve("3m:2 --name train");
-    let _spectator = Spectator::connect(&place.runtime_dir(), "train", None).expect("the only one");
+    let _spectator = Spectator::connect(&place.runtime_dir(), "train", None, WaitOptions::for_response())
+        .expect("the only one");
     let mut learner = Learner::new(&place);
     let (_watch, url) = place.watch("train");
     let mut page = url.open();

@@ -95,7 +95,7 @@ fn connect(
 ) -> Result<Client, MeasureError> {
     let begin = Instant::now();
     loop {
-        match Client::connect(runtime_dir, name, None, workload.options.wait) {
+        match Client::connect(runtime_dir, name, None, workload.options.wait, WaitOptions::no_wait()) {
             Err(ConnectError::Control(ControlSocketError::NoSuchPool { .. }))
                 if begin.elapsed() < TIMEOUT =>
             {

@@ -6,7 +6,7 @@ use crate::web::protocol::{EpisodeInfo, SnapshotFile, Steps};
 use crate::web::simulation::{Simulation, SimulationError};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use smaclite_ipc::{Follower, RuntimeDir};
+use smaclite_ipc::{Follower, Piece, RuntimeDir, WaitOptions};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -49,16 +49,23 @@ impl Follow {
         env: usize,
         battles: Arc<Battles>,
     ) -> Result<Follow, String> {
-        let follower = Follower::connect(runtime_dir, pool, Some(lane), &[env]);
+        let follower = Follower::connect(runtime_dir, pool, Some(lane), &[env], WaitOptions::for_response());
         let follower = follower.map_err(|error| error.to_string())?;
         Ok(Follow { follower, battles, episodes: Episodes::default(), shown: None, observed: None })
     }
 
     /// Reads what happened; whether anything did.
     pub(super) fn read(&mut self) -> Result<bool, String> {
-        let parts = self.follower.read().map_err(|error| error.to_string())?;
-        let is_new = !parts.is_empty();
-        parts.into_iter().for_each(|followed| self.episodes.add(followed.part));
+        let mut is_new = false;
+        loop {
+            let piece = self.follower.read(WaitOptions::for_response());
+            let Piece { parts, more } = piece.map_err(|error| error.to_string())?;
+            is_new |= !parts.is_empty();
+            parts.into_iter().for_each(|followed| self.episodes.add(followed.part));
+            if !more {
+                break;
+            }
+        }
         self.episodes.trim(self.shown.as_ref().map(|(number, _)| *number));
         Ok(is_new)
     }

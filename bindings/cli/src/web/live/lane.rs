@@ -52,12 +52,13 @@ impl WatchedLane {
         let Some(description) = lanes.find(|description| description.lane == lane).cloned() else {
             return Err(WatchedLane::not_found(pool, lane));
         };
-        let spectator = match Spectator::connect(runtime_dir, &pool.pool, Some(lane)) {
-            Err(ConnectError::Refused(full @ ControlError::TooManySpectators { .. })) => {
-                Err(full.to_string())
-            }
-            connected => Ok(connected?),
-        };
+        let spectator =
+            match Spectator::connect(runtime_dir, &pool.pool, Some(lane), WaitOptions::for_response()) {
+                Err(ConnectError::Refused(full @ ControlError::TooManySpectators { .. })) => {
+                    Err(full.to_string())
+                }
+                connected => Ok(connected?),
+            };
         let mut never = || false;
         let wait = WaitOptions::interrupted_by(&mut never);
         let (_, setup) = lane_scenario(runtime_dir, &pool.pool, Some(lane), wait)?;

@@ -2,7 +2,7 @@
 
 use super::lane::{WatchError, WatchedLane};
 use crate::web::protocol::{LaneState, Point, PoolInfo, PoolResponse, PoolState};
-use smaclite_ipc::{LaneStatus, PoolStatus, RuntimeDir, WaitOptions, status_within};
+use smaclite_ipc::{LaneStatus, PoolStatus, RuntimeDir, WaitOptions, status};
 use smaclite_pool::LaneStats;
 use std::collections::{HashMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, TryLockError, Weak};
@@ -105,7 +105,7 @@ impl WatchedPool {
             Err(_) => lock(&self.requested),
         };
         if requested.is_none_or(|at| at.elapsed() >= STATUS_INTERVAL.mul_f32(0.8)) {
-            let response = status_within(&self.runtime_dir, &self.name, patience(&mut || false));
+            let response = status(&self.runtime_dir, &self.name, patience(&mut || false));
             *requested = Some(Instant::now());
             let time = self.begin.elapsed().as_secs_f64();
             lock(&self.status).set(time, response.map_err(|error| error.to_string()));
@@ -114,7 +114,7 @@ impl WatchedPool {
 
     /// Watches a lane, or shares it with the pages that do.
     pub(super) fn lane(&self, name: &str) -> Result<Arc<Mutex<WatchedLane>>, WatchError> {
-        let pool = status_within(&self.runtime_dir, &self.name, patience(&mut || false))?;
+        let pool = status(&self.runtime_dir, &self.name, patience(&mut || false))?;
         if !pool.lanes.iter().any(|lane| lane.description.lane == name) {
             return Err(WatchedLane::not_found(&pool, name)); // pages add no entries by names
         }
