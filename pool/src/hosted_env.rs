@@ -2,7 +2,7 @@
 
 use crate::autoreset::Autoreset;
 use crate::enemy_player::EnemyPlayer;
-use crate::episode_log::{EpisodeLog, EpisodePart, FollowerId, LogMemory};
+use crate::episode_log::EpisodeLog;
 use crate::fields::Field;
 use crate::joint_action::{JointAction, StepHook};
 use crate::lane_settings::LaneSpec;
@@ -61,7 +61,7 @@ pub(crate) struct HostedEnv {
     /// The episode ended and the environment was not reset since.
     pub(crate) is_over: bool,
     /// What it did, if it has followers.
-    log: Option<Box<EpisodeLog>>,
+    pub(crate) log: Option<Box<EpisodeLog>>,
     /// What the lane appends to its observations.
     own: Option<Box<OwnFeatures>>,
     /// Where the columns of its snapshots are, if the lane's frames have them.
@@ -304,32 +304,6 @@ impl HostedEnv {
     fn begin_log(&mut self) {
         if let Some(log) = &mut self.log {
             log.begin(self.battle.save());
-        }
-    }
-
-    /// Adds a follower; with the first one the log begins.
-    pub(crate) fn follow(&mut self, follower: FollowerId, memory: &LogMemory) {
-        let n_actors = self.battle.arena().sizes().n_actors(); // of both sides, if a team plays one
-        let begin = || Box::new(EpisodeLog::new(n_actors, self.battle.save(), memory.clone()));
-        self.log.get_or_insert_with(begin).add_reader(follower);
-    }
-
-    /// Removes a follower; with the last one the log ends.
-    pub(crate) fn unfollow(&mut self, follower: FollowerId) {
-        if self.log.as_mut().is_some_and(|log| log.remove_reader(follower)) {
-            self.log = None;
-        }
-    }
-
-    /// What happened since a follower's last call, as far as the budget of bytes goes.
-    pub(crate) fn read_log(&mut self, follower: FollowerId, budget: &mut usize) -> Vec<EpisodePart> {
-        self.log.as_mut().map_or(Vec::new(), |log| log.read(follower, budget))
-    }
-
-    /// Drops what the log has no room for any more.
-    pub(crate) fn trim_log(&mut self) {
-        if let Some(log) = &mut self.log {
-            log.trim();
         }
     }
 

@@ -9,7 +9,7 @@ mod env_table;
 pub(crate) use check::Draft;
 
 use crate::autoreset::Autoreset;
-use crate::episode_log::{EpisodePart, FollowerId, LogMemory, TooManyFollowed};
+use crate::episode_log::{EpisodeLog, EpisodePart, FollowerId, LogMemory, TooManyFollowed};
 use crate::hosted_env::HostedEnv;
 use crate::joint_action::JointAction;
 use crate::lane_settings::{LaneSettings, LaneSpec};
@@ -141,17 +141,27 @@ impl EnvGroup {
         if let Some(&env) = envs.first() {
             self.logs.check(envs.len(), &self.lock(env).battle.save())?;
         }
-        envs.iter().for_each(|&env| self.lock(env).follow(follower, &self.logs));
+        for &env in envs {
+            let HostedEnv { battle, log, .. } = &mut *self.lock(env);
+            let n_actors = battle.arena().sizes().n_actors(); // of both sides, if a team plays one
+            let begin = || Box::new(EpisodeLog::new(n_actors, battle.save(), self.logs.clone()));
+            log.get_or_insert_with(begin).add_reader(follower);
+        }
         // More logs share the same memory.
-        (0..self.num_envs).for_each(|env| self.lock(env).trim_log());
+        for env in 0..self.num_envs {
+            if let Some(log) = &mut self.lock(env).log {
+                log.trim();
+            }
+        }
         Ok(())
     }
 
+    /// The log ends with its last follower.
     pub(crate) fn unfollow(&self, env: usize, follower: FollowerId) {
-        self.lock(env).unfollow(follower);
+        drop(self.lock(env).log.take_if(|log| log.remove_reader(follower)));
     }
 
     pub(crate) fn read_log(&self, env: usize, follower: FollowerId, budget: &mut usize) -> Vec<EpisodePart> {
-        self.lock(env).read_log(follower, budget)
+        self.lock(env).log.as_mut().map_or(Vec::new(), |log| log.read(follower, budget))
     }
 }
