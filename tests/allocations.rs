@@ -60,10 +60,10 @@ impl HostedBattle {
             policy::nearest(&self.battle, &mut self.actions);
         }
         self.battle.step(&self.actions, scratch).expect("legal actions");
-        self.battle.write_obs(&mut self.obs, scratch);
-        self.battle.write_state(&mut self.state);
-        self.battle.write_avail_actions(&mut self.avail);
-        self.battle.write_alive(&mut self.alive);
+        self.battle.write_obs(Faction::Ally, &mut self.obs, scratch);
+        self.battle.write_state(Faction::Ally, &mut self.state);
+        self.battle.write_avail_actions(Faction::Ally, &mut self.avail);
+        self.battle.write_alive(Faction::Ally, &mut self.alive);
         self.battle.write_shares_of(Faction::Ally, &mut self.shares);
     }
 }

@@ -127,8 +127,8 @@ fn play_episode(
     while !battle.is_over() {
         let of_sides = actions.chunks_exact_mut(sizes.n_agents);
         for (side, actions) in [Faction::Ally, Faction::Enemy].into_iter().zip(of_sides) {
-            battle.write_state_of(side, &mut state);
-            battle.write_avail_actions_of(side, &mut available);
+            battle.write_state(side, &mut state);
+            battle.write_avail_actions(side, &mut available);
             policy.act_batch_of(side, &arena, &state, &available, actions);
         }
         battle.step(&actions, scratch)?;

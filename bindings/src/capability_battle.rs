@@ -8,7 +8,7 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
 use smaclite_engine::smacv2::{Frame, Interface, Perception};
-use smaclite_engine::{Battle, BattleSetup, IllegalAction, Scratch};
+use smaclite_engine::{Battle, BattleSetup, Faction, IllegalAction, Scratch};
 use smaclite_scenarios::{Scenario, ScenarioFiles};
 use smaclite_view::{Observer, Options, Renderer};
 use std::sync::Arc;
@@ -129,21 +129,21 @@ impl CapabilityBattle {
     /// float32 [A, obs_size]: what the agents saw when they looked last.
     fn obs<'py>(&mut self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f32>>> {
         let mut out = vec![0.0; self.n_agents() * self.obs_size()];
-        self.battle.write_obs(&mut out, &mut self.scratch);
+        self.battle.write_obs(Faction::Ally, &mut out, &mut self.scratch);
         out.to_pyarray(py).reshape([self.n_agents(), self.obs_size()])
     }
 
     /// float32 [state_size].
     fn state<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f32>> {
         let mut out = vec![0.0; self.state_size()];
-        self.battle.write_state(&mut out);
+        self.battle.write_state(Faction::Ally, &mut out);
         out.to_pyarray(py)
     }
 
     /// uint8 [A, N]: 1 for an available action.
     fn avail<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u8>>> {
         let mut out = vec![0; self.n_agents() * self.n_actions()];
-        self.battle.write_avail_actions(&mut out);
+        self.battle.write_avail_actions(Faction::Ally, &mut out);
         out.to_pyarray(py).reshape([self.n_agents(), self.n_actions()])
     }
 

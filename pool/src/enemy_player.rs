@@ -55,9 +55,9 @@ impl EnemyPlayer {
 
     fn act(&mut self, battle: &Battle, past: Option<&OwnFeatures>, scratch: &mut Scratch) {
         let EnemyPlayer { policy, appended, obs, avail_actions, alive, actions, .. } = self;
-        battle.write_obs_of(Faction::Enemy, obs, scratch);
-        battle.write_avail_actions_of(Faction::Enemy, avail_actions);
-        battle.write_alive_of(Faction::Enemy, alive);
+        battle.write_obs(Faction::Enemy, obs, scratch);
+        battle.write_avail_actions(Faction::Enemy, avail_actions);
+        battle.write_alive(Faction::Enemy, alive);
         if let Some(past) = past {
             past.write(*appended, Faction::Enemy, alive, obs);
         }

@@ -26,21 +26,18 @@ pub(crate) enum Task {
     Observe,
 }
 
-/// Observations, state and available actions of either side.
-struct ViewFields {
-    allies: [Field; 3],
-    enemies: [Field; 3],
-}
+/// Observations, state and available actions of each side.
+type ViewFields = [(Faction, [Field; 3]); 2];
 
-const PRESENT: ViewFields = ViewFields {
-    allies: [Field::Obs, Field::State, Field::AvailActions],
-    enemies: [Field::EnemyObs, Field::EnemyState, Field::EnemyAvailActions],
-};
+const PRESENT: ViewFields = [
+    (Faction::Ally, [Field::Obs, Field::State, Field::AvailActions]),
+    (Faction::Enemy, [Field::EnemyObs, Field::EnemyState, Field::EnemyAvailActions]),
+];
 
-const FINAL: ViewFields = ViewFields {
-    allies: [Field::FinalObs, Field::FinalState, Field::FinalAvailActions],
-    enemies: [Field::FinalEnemyObs, Field::FinalEnemyState, Field::FinalEnemyAvailActions],
-};
+const FINAL: ViewFields = [
+    (Faction::Ally, [Field::FinalObs, Field::FinalState, Field::FinalAvailActions]),
+    (Faction::Enemy, [Field::FinalEnemyObs, Field::FinalEnemyState, Field::FinalEnemyAvailActions]),
+];
 
 /// Words of bits that the available actions of an actor have.
 pub(crate) fn words_per_actor(sizes: Sizes) -> usize {
@@ -196,11 +193,10 @@ impl HostedEnv {
             self.reset();
         }
         self.write_views(&PRESENT, slot, scratch);
-        if let Some(alive) = slot.row(Field::Alive) {
-            self.battle.write_alive(alive);
-        }
-        if let Some(alive) = slot.row(Field::EnemyAlive) {
-            self.battle.write_alive_of(Faction::Enemy, alive);
+        for (side, field) in [(Faction::Ally, Field::Alive), (Faction::Enemy, Field::EnemyAlive)] {
+            if let Some(alive) = slot.row(field) {
+                self.battle.write_alive(side, alive);
+            }
         }
         if let Some(layout) = &self.record
             && let Some(out) = slot.row(Field::Snapshot)
@@ -335,46 +331,23 @@ impl HostedEnv {
     }
 
     fn write_views(&mut self, fields: &ViewFields, slot: &mut Slot<'_>, scratch: &mut Scratch) {
-        let [obs, state, avail] = fields.allies;
-        if let Some(out) = slot.row(obs) {
-            self.battle.write_obs(out, scratch);
-            if let Some(own) = &self.own {
-                self.alive.resize(self.sizes.n_agents, 0);
-                self.battle.write_alive(&mut self.alive);
-                own.write(own.appended, Faction::Ally, &self.alive, out);
-            }
-        }
-        if let Some(out) = slot.row(state) {
-            self.battle.write_state(out);
-        }
-        if let Some(out) = slot.row(avail) {
-            self.battle.write_avail_actions(out);
-        }
-        if self.sizes.enemies.is_some() {
-            self.write_enemy_view(fields.enemies, slot, scratch);
-        }
-    }
-
-    fn write_enemy_view(
-        &mut self,
-        [obs, state, avail]: [Field; 3],
-        slot: &mut Slot<'_>,
-        scratch: &mut Scratch,
-    ) {
         let battle = &self.battle;
-        if let Some(out) = slot.row(obs) {
-            battle.write_obs_of(Faction::Enemy, out, scratch);
-            if let Some(own) = &self.own {
-                self.alive.resize(self.sizes.n_enemies, 0);
-                battle.write_alive_of(Faction::Enemy, &mut self.alive);
-                own.write(own.appended, Faction::Enemy, &self.alive, out);
+        for &(side, [obs, state, avail]) in fields {
+            let Some(Sizes { n_agents: n_units, .. }) = self.sizes.of(side) else { continue };
+            if let Some(out) = slot.row(obs) {
+                battle.write_obs(side, out, scratch);
+                if let Some(own) = &self.own {
+                    self.alive.resize(n_units, 0);
+                    battle.write_alive(side, &mut self.alive);
+                    own.write(own.appended, side, &self.alive, out);
+                }
             }
-        }
-        if let Some(out) = slot.row(state) {
-            battle.write_state_of(Faction::Enemy, out);
-        }
-        if let Some(out) = slot.row(avail) {
-            battle.write_avail_actions_of(Faction::Enemy, out);
+            if let Some(out) = slot.row(state) {
+                battle.write_state(side, out);
+            }
+            if let Some(out) = slot.row(avail) {
+                battle.write_avail_actions(side, out);
+            }
         }
     }
 }

@@ -44,9 +44,9 @@ fn shown(battle: &Battle) -> Shown {
     let sizes = battle.arena().sizes();
     let (mut obs, mut state) = (vec![0.0; sizes.n_agents * sizes.obs_size], vec![0.0; sizes.state_size]);
     let mut available = vec![0; sizes.n_agents * sizes.n_actions];
-    battle.write_obs(&mut obs, &mut Scratch::new());
-    battle.write_state(&mut state);
-    battle.write_avail_actions(&mut available);
+    battle.write_obs(Faction::Ally, &mut obs, &mut Scratch::new());
+    battle.write_state(Faction::Ally, &mut state);
+    battle.write_avail_actions(Faction::Ally, &mut available);
     let bits = |values: Vec<f32>| values.into_iter().map(f32::to_bits).collect();
     (bits(obs), bits(state), available)
 }

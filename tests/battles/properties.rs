@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use proptest::prelude::*;
 use smaclite_engine::policy::Random;
-use smaclite_engine::{Arena, Battle, Rules, Scratch, Snapshot, action};
+use smaclite_engine::{Arena, Battle, Faction, Rules, Scratch, Snapshot, action};
 use smaclite_scenarios::Scenario;
 
 /// A battle of more than 85 units of all types, where healers are neither last nor alone and there are more
@@ -81,10 +81,10 @@ impl Outputs {
             avail: vec![7; sizes.n_agents * sizes.n_actions],
             alive: vec![7; sizes.n_agents],
         };
-        battle.write_obs(&mut outputs.obs, &mut Scratch::new());
-        battle.write_state(&mut outputs.state);
-        battle.write_avail_actions(&mut outputs.avail);
-        battle.write_alive(&mut outputs.alive);
+        battle.write_obs(Faction::Ally, &mut outputs.obs, &mut Scratch::new());
+        battle.write_state(Faction::Ally, &mut outputs.state);
+        battle.write_avail_actions(Faction::Ally, &mut outputs.avail);
+        battle.write_alive(Faction::Ally, &mut outputs.alive);
         outputs
     }
 }

@@ -197,7 +197,7 @@ fn play_sides(battle: &mut Battle, n: usize, mut see: impl FnMut(&Battle, &Step)
         }
         policy::nearest(battle, &mut agents);
         let mut available = vec![0; sizes.n_enemies * sizes.of(Faction::Enemy).expect("both").n_actions];
-        battle.write_avail_actions_of(Faction::Enemy, &mut available);
+        battle.write_avail_actions(Faction::Enemy, &mut available);
         // The last available action is that on a target, if there is one.
         let rows = available.chunks_exact(available.len() / sizes.n_enemies);
         let last = rows.map(|row| row.iter().rposition(|flag| *flag == 1).unwrap_or(0) as i32);

@@ -4,7 +4,9 @@ use std::path::Path;
 use std::sync::Arc;
 
 use glam::Vec2;
-use smaclite_engine::{Arena, Battle, ExecutionOrder, Rules, Scratch, Snapshot, TICKS_PER_STEP, action};
+use smaclite_engine::{
+    Arena, Battle, ExecutionOrder, Faction, Rules, Scratch, Snapshot, TICKS_PER_STEP, action,
+};
 use smaclite_scenarios::Scenario;
 
 const STOP: i32 = action::STOP as i32;
@@ -274,7 +276,7 @@ fn a_healers_observation_includes_healers_in_range() {
     setting.battle.restore(&setting.snapshot).expect("a snapshot of this battle");
     let sizes = setting.battle.arena().sizes();
     let mut obs = vec![0.0; sizes.n_agents * sizes.obs_size];
-    setting.battle.write_obs(&mut obs, &mut Scratch::new());
+    setting.battle.write_obs(Faction::Ally, &mut obs, &mut Scratch::new());
     // After the four moves there are five numbers per enemy.
     let in_range = |agent: usize| [0, 1, 2].map(|enemy| obs[agent * sizes.obs_size + 4 + 5 * enemy]);
     assert_eq!([in_range(0), in_range(1)], [[0.0, 1.0, 1.0], [1.0, 0.0, 1.0]]);

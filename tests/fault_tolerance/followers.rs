@@ -1,7 +1,7 @@
 //! Followers: what they play again is what the learner sees, and they disturb no other process.
 
 use rustix::process::Signal;
-use smaclite_engine::{Battle, Scratch};
+use smaclite_engine::{Battle, Faction, Scratch};
 use smaclite_ipc::{
     Client, ClientError, ConnectError, ControlSocketError, FollowedPart, Follower, MAX_LOG_BYTES, Piece,
     WaitOptions,
@@ -70,7 +70,7 @@ impl Mirror {
     fn state(&self, env_id: usize) -> Vec<f32> {
         let battle = &self.battles[&env_id].0;
         let mut state = vec![0.0; battle.arena().sizes().state_size];
-        battle.write_state(&mut state);
+        battle.write_state(Faction::Ally, &mut state);
         state
     }
 }

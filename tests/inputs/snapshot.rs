@@ -4,7 +4,7 @@
 //! played, then places and bytes.
 
 use smaclite_engine::policy::Random;
-use smaclite_engine::{Arena, Battle, RecordLayout, RecordSizes, Rules, Scratch, Snapshot};
+use smaclite_engine::{Arena, Battle, Faction, RecordLayout, RecordSizes, Rules, Scratch, Snapshot};
 use smaclite_scenarios::Scenario;
 use std::sync::{Arc, LazyLock};
 
@@ -39,8 +39,8 @@ fn play(battle: &mut Battle, steps: usize) {
     for _ in 0..steps {
         policy.act(battle, &mut actions);
         let step = battle.step(&actions, &mut scratch).expect("legal actions");
-        battle.write_obs(&mut obs, &mut scratch);
-        battle.write_state(&mut state);
+        battle.write_obs(Faction::Ally, &mut obs, &mut scratch);
+        battle.write_state(Faction::Ally, &mut state);
         assert!(step.reward.is_finite() && (battle.episode_return() as f32).is_finite(), "{step:?}");
         assert!(obs.iter().chain(&state).all(|x| x.is_finite()), "{obs:?} {state:?}");
         assert_eq!(battle.save().check(battle.arena()), Ok(()), "a battle left the ranges");

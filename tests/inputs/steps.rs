@@ -2,7 +2,7 @@
 //! numbers are finite.
 
 use smaclite_engine::policy::Random;
-use smaclite_engine::{Arena, Battle, Rules, Scratch};
+use smaclite_engine::{Arena, Battle, Faction, Rules, Scratch};
 use smaclite_scenarios::Scenario;
 use std::sync::Arc;
 
@@ -21,8 +21,8 @@ pub fn run(scenario: &Scenario) {
         for _ in 0..STEPS {
             policy.act(&battle, &mut actions);
             let step = battle.step(&actions, &mut scratch).expect("legal actions");
-            battle.write_obs(&mut obs, &mut scratch);
-            battle.write_state(&mut state);
+            battle.write_obs(Faction::Ally, &mut obs, &mut scratch);
+            battle.write_state(Faction::Ally, &mut state);
             assert!(step.reward.is_finite(), "reward {}", step.reward);
             assert!(obs.iter().chain(&state).all(|x| x.is_finite()), "{rules}: {obs:?} {state:?}");
             if step.terminated || step.truncated {

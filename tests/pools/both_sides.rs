@@ -40,8 +40,8 @@ impl Player {
     }
 
     fn act(&mut self, battle: &Battle) -> &[i32] {
-        battle.write_state_of(self.side, &mut self.state);
-        battle.write_avail_actions_of(self.side, &mut self.available);
+        battle.write_state(self.side, &mut self.state);
+        battle.write_avail_actions(self.side, &mut self.available);
         let view = LearnerView::of(battle.arena(), self.side, &self.state, &self.available);
         let mut expected = self.actions.clone();
         self.policy.clone().act(&view, &mut expected);
@@ -135,7 +135,7 @@ fn both_sides_of_a_symmetric_map_see_the_same_in_a_mirror() {
         for step in 0..4 {
             let [obs, enemy_obs] = [Faction::Ally, Faction::Enemy].map(|side| {
                 let mut obs = vec![0.0f32; sizes.n_agents * sizes.obs_size];
-                battle.write_obs_of(side, &mut obs, &mut scratch);
+                battle.write_obs(side, &mut obs, &mut scratch);
                 obs
             });
             let difference = obs.iter().zip(&enemy_obs).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
@@ -160,7 +160,7 @@ fn enemies_of_a_script_look_dead_to_learners() {
         let is_learner = battle.opponent() == Opponent::Learner;
         seen[usize::from(is_learner)] = true;
         let mut alive = [7; 5];
-        battle.write_alive_of(Faction::Enemy, &mut alive);
+        battle.write_alive(Faction::Enemy, &mut alive);
         assert_eq!(alive, [u8::from(is_learner); 5]);
         let mut enemies = Player::new("nearest", Faction::Enemy, &battle);
         let actions = [&[1; 5], enemies.act(&battle)].concat();

@@ -445,8 +445,8 @@ fn edited_snapshots_are_refused_or_played_with_finite_numbers() {
             }
             battle.restore(&snapshot).expect("it was checked");
             for _ in 0..4 {
-                battle.write_obs(&mut obs, &mut scratch);
-                battle.write_state(&mut state);
+                battle.write_obs(Faction::Ally, &mut obs, &mut scratch);
+                battle.write_state(Faction::Ally, &mut state);
                 assert!(obs.iter().chain(&state).all(|x| x.is_finite()), "{snapshot:?}");
                 assert!((battle.episode_return() as f32).is_finite(), "{snapshot:?}");
                 play(&mut battle, 1, &mut scratch);
@@ -522,7 +522,7 @@ fn the_columns_of_a_snapshot_are_agents_first_on_every_map() {
         let (edited, _) = Snapshot::of_edited_record(&arena, 0, &record).expect("one unit less");
         battle.restore(&edited).expect("a state of this map");
         let mut alive = vec![1; sizes.n_agents];
-        battle.write_alive(&mut alive);
+        battle.write_alive(Faction::Ally, &mut alive);
         assert_eq!(alive[0], 0, "{name}");
     }
 }

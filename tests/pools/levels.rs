@@ -1,6 +1,6 @@
 //! Episodes begin with levels that a learner chooses.
 
-use smaclite_engine::{Arena, Battle, LevelError, Rules, Scratch, policy};
+use smaclite_engine::{Arena, Battle, Faction, LevelError, Rules, Scratch, policy};
 use smaclite_ipc::{Client, Order, WaitOptions, WaitStrategy};
 use smaclite_pool::fields::{FIELDS, Field};
 use smaclite_scenarios::{Scenario, ScenarioFiles};
@@ -24,7 +24,7 @@ fn play(battle: &mut Battle, steps: usize) -> Vec<f32> {
         battle.step(&actions, &mut Scratch::new()).expect("legal actions");
     }
     let mut state = vec![0.0; battle.arena().sizes().state_size];
-    battle.write_state(&mut state);
+    battle.write_state(Faction::Ally, &mut state);
     state
 }
 

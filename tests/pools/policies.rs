@@ -1,7 +1,7 @@
 //! The scripted policies: what each of them promises, in battles on every standard map.
 
 use smaclite_engine::policy::{Scripted, Situation, Tactic, UnknownPolicy};
-use smaclite_engine::{Arena, Battle, Rules, Scratch, action};
+use smaclite_engine::{Arena, Battle, Faction, Rules, Scratch, action};
 use smaclite_ipc::{Client, WaitOptions};
 use smaclite_pool::fields::Field;
 use smaclite_scenarios::Scenario;
@@ -83,8 +83,8 @@ impl Learner {
     }
 
     fn check(&mut self, battle: &Battle, expected: &[i32]) {
-        battle.write_state(&mut self.state);
-        battle.write_avail_actions(&mut self.avail_actions);
+        battle.write_state(Faction::Ally, &mut self.state);
+        battle.write_avail_actions(Faction::Ally, &mut self.avail_actions);
         self.policy.act_batch(battle.arena(), &self.state, &self.avail_actions, &mut self.actions);
         let step = battle.episode_length();
         assert_eq!(self.actions, expected, "{:?}, step {step}", self.policy);

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use smaclite_engine::{Battle, Scratch, Units};
+use smaclite_engine::{Battle, Faction, Scratch, Units};
 
 use crate::Recording;
 
@@ -115,19 +115,19 @@ pub fn frame(recording: &Recording, t: usize, battle: &Battle) -> Comparison {
     let mut comparison = units(&recording.frames[t], battle.units());
     let sizes = battle.arena().sizes();
     let mut avail = vec![0; sizes.n_agents * sizes.n_actions];
-    battle.write_avail_actions(&mut avail);
+    battle.write_avail_actions(Faction::Ally, &mut avail);
     for (i, (&recorded, found)) in recording.avail[t].iter().zip(avail).enumerate() {
         let (agent, action) = (i / sizes.n_actions, i % sizes.n_actions);
         comparison.same(format_args!("avail_actions[{action}] of agent {agent}"), recorded, found);
     }
     let mut obs = vec![f32::NAN; sizes.n_agents * sizes.obs_size];
-    battle.write_obs(&mut obs, &mut Scratch::new());
+    battle.write_obs(Faction::Ally, &mut obs, &mut Scratch::new());
     for (i, (&recorded, found)) in recording.obs[t].iter().zip(obs).enumerate() {
         let (agent, entry) = (i / sizes.obs_size, i % sizes.obs_size);
         comparison.same(format_args!("obs[{entry}] of agent {agent}"), recorded, found);
     }
     let mut state = vec![f32::NAN; sizes.state_size];
-    battle.write_state(&mut state);
+    battle.write_state(Faction::Ally, &mut state);
     for (entry, (&recorded, found)) in recording.state[t].iter().zip(state).enumerate() {
         comparison.same(format_args!("state[{entry}]"), recorded, found);
     }

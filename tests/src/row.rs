@@ -97,16 +97,16 @@ impl Row {
     fn set_view(&mut self, battle: &Battle, own: &OwnFeatures, scratch: &mut Scratch) {
         let Sizes { n_agents, n_actions, obs_size, state_size, .. } = battle.arena().sizes();
         let mut alive = vec![0; n_agents];
-        battle.write_alive(&mut alive);
+        battle.write_alive(Faction::Ally, &mut alive);
         let mut obs = vec![0.0; n_agents * obs_size];
-        battle.write_obs(&mut obs, scratch);
+        battle.write_obs(Faction::Ally, &mut obs, scratch);
         self.set(Field::Obs, floats(&own.append_to(&obs, &alive, n_actions, 0)));
         self.set(Field::Alive, alive);
         let mut out = vec![0.0; state_size];
-        battle.write_state(&mut out);
+        battle.write_state(Faction::Ally, &mut out);
         self.set(Field::State, floats(&out));
         let mut out = vec![0; n_agents * n_actions];
-        battle.write_avail_actions(&mut out);
+        battle.write_avail_actions(Faction::Ally, &mut out);
         self.set(Field::AvailActions, out);
         let layout = RecordLayout::new(RecordSizes::new(&battle.arena().sizes(), own.n_past()));
         let mut record = vec![0; layout.size()];
@@ -120,16 +120,16 @@ impl Row {
         let Some(sizes) = battle.arena().sizes().of(side) else { return };
         let Sizes { n_agents, n_actions, obs_size, state_size, .. } = sizes;
         let mut alive = vec![0; n_agents];
-        battle.write_alive_of(side, &mut alive);
+        battle.write_alive(side, &mut alive);
         let mut obs = vec![0.0; n_agents * obs_size];
-        battle.write_obs_of(side, &mut obs, scratch);
+        battle.write_obs(side, &mut obs, scratch);
         self.set(Field::EnemyObs, floats(&own.append_to(&obs, &alive, n_actions, first)));
         self.set(Field::EnemyAlive, alive);
         let mut out = vec![0.0; state_size];
-        battle.write_state_of(side, &mut out);
+        battle.write_state(side, &mut out);
         self.set(Field::EnemyState, floats(&out));
         let mut out = vec![0; n_agents * n_actions];
-        battle.write_avail_actions_of(side, &mut out);
+        battle.write_avail_actions(side, &mut out);
         self.set(Field::EnemyAvailActions, out);
     }
 

@@ -1,7 +1,7 @@
 //! Battles with actions that were chosen beforehand, so that only stepping is measured. Equal seeds and
 //! actions give equal battles.
 
-use smaclite_engine::{Arena, Battle, Scratch, TICKS_PER_STEP};
+use smaclite_engine::{Arena, Battle, Faction, Scratch, TICKS_PER_STEP};
 use std::hint::black_box;
 use std::sync::Arc;
 
@@ -135,10 +135,10 @@ impl TracePlayer {
             let step = self.battle.step(actions, scratch);
             black_box(step.expect("recorded actions are available").reward);
         }
-        self.battle.write_obs(&mut self.obs, scratch);
-        self.battle.write_state(&mut self.state);
-        self.battle.write_avail_actions(&mut self.avail);
-        self.battle.write_alive(&mut self.alive);
+        self.battle.write_obs(Faction::Ally, &mut self.obs, scratch);
+        self.battle.write_state(Faction::Ally, &mut self.state);
+        self.battle.write_avail_actions(Faction::Ally, &mut self.avail);
+        self.battle.write_alive(Faction::Ally, &mut self.alive);
         black_box((&self.obs, &self.state, &self.avail, &self.alive));
     }
 

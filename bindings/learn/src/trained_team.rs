@@ -191,8 +191,8 @@ impl TrainedTeam {
         let (sizes, last_actions) = (self.run.sizes, self.run.config.last_actions);
         let mut obs = vec![0.0; sizes.n_agents * sizes.obs_size];
         let mut available = vec![0; sizes.n_agents * sizes.n_actions];
-        battle.write_obs_of(side, &mut obs, &mut Scratch::new()); // leaves zeros behind its own features
-        battle.write_avail_actions_of(side, &mut available);
+        battle.write_obs(side, &mut obs, &mut Scratch::new()); // leaves zeros behind its own features
+        battle.write_avail_actions(side, &mut available);
         let past =
             past.take(last_actions).map(|actions| actions.iter().map(|&action| action.into()).collect());
         let past: Vec<Vec<i32>> = past.collect();

@@ -229,7 +229,7 @@ impl PlayedBattle {
         let steps = self.steps();
         let battle = self.battle_before(step).ok_or(BattleError::NoSuchStep { step, steps })?;
         let mut all = vec![0.0; sizes.n_agents * sizes.obs_size];
-        battle.write_obs(&mut all, &mut Scratch::new());
+        battle.write_obs(Faction::Ally, &mut all, &mut Scratch::new());
         let own = all.chunks_exact(sizes.obs_size).nth(agent);
         Ok(own.ok_or(BattleError::NoSuchAgent { agent, n_agents: sizes.n_agents })?.to_vec())
     }

@@ -231,9 +231,9 @@ impl TeamOnScenario {
     ) -> Vec<i32> {
         let Sizes { n_agents, n_actions, obs_size, .. } = self.sizes;
         let mut available = vec![0; n_agents * n_actions];
-        battle.write_avail_actions_of(side, &mut available);
+        battle.write_avail_actions(side, &mut available);
         let mut obs = vec![0.0; n_agents * obs_size];
-        battle.write_obs_of(side, &mut obs, &mut Scratch::new()); // leaves zeros behind its own features
+        battle.write_obs(side, &mut obs, &mut Scratch::new()); // leaves zeros behind its own features
         self.append_past(&mut obs, &available, past);
         let seed = seed ^ (battle.episode_length() as u64) << 32;
         let mut generator = Pcg64Mcg::seed_from_u64(match side {

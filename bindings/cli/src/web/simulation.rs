@@ -3,7 +3,9 @@
 use super::protocol::Steps;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use smaclite_engine::{Arena, Battle, ExecutionOrder, RecordLayout, RecordSizes, Scratch, Snapshot, Step};
+use smaclite_engine::{
+    Arena, Battle, ExecutionOrder, Faction, RecordLayout, RecordSizes, Scratch, Snapshot, Step,
+};
 use smaclite_scenarios::Scenario;
 use smaclite_view::page::{encode_moments, encode_step};
 use smaclite_view::{EpisodeResult, Moment, Observer};
@@ -113,7 +115,7 @@ impl Simulation {
     pub(super) fn observation(&mut self, agent: usize) -> Vec<f32> {
         let sizes = self.battle.arena().sizes();
         let mut all = vec![0.0; sizes.n_agents * sizes.obs_size];
-        self.battle.write_obs(&mut all, &mut self.scratch);
+        self.battle.write_obs(Faction::Ally, &mut all, &mut self.scratch);
         all.chunks(sizes.obs_size).nth(agent).unwrap_or_default().to_vec()
     }
 }

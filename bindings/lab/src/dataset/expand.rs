@@ -8,7 +8,7 @@ use super::chunk::{Chunk, Wanted};
 use super::counter::Counter;
 use super::folder::Files;
 use super::{Dataset, DatasetError, End};
-use smaclite_engine::{Battle, Scratch, Step};
+use smaclite_engine::{Battle, Faction, Scratch, Step};
 use smaclite_learn::parallel;
 use std::ops::Range;
 use std::path::Path;
@@ -304,13 +304,13 @@ const FINAL: [ArrayName; 3] = [ArrayName::FinalObs, ArrayName::FinalState, Array
 fn observe(battle: &Battle, arrays: [ArrayName; 3], row: usize, rows: &mut Rows<'_>, scratch: &mut Scratch) {
     let [obs, state, avail_actions] = arrays;
     if let Some(out) = rows.floats(obs, row) {
-        battle.write_obs(out, scratch);
+        battle.write_obs(Faction::Ally, out, scratch);
     }
     if let Some(out) = rows.floats(state, row) {
-        battle.write_state(out);
+        battle.write_state(Faction::Ally, out);
     }
     if let Some(out) = rows.bools(avail_actions, row) {
-        battle.write_avail_actions(out);
+        battle.write_avail_actions(Faction::Ally, out);
     }
 }
 

@@ -5,7 +5,7 @@ mod damage;
 
 use super::*;
 use smaclite_engine::policy::Tactic;
-use smaclite_engine::{Battle, EnemySide, EpisodeLimit, Rules, Scratch, Sides};
+use smaclite_engine::{Battle, EnemySide, EpisodeLimit, Faction, Rules, Scratch, Sides};
 use smaclite_learn::{Config, EvaluationRow, Lanes, Run, Summary, Weights, resolve_scenario};
 use smaclite_scenarios::ScenarioFiles;
 
@@ -68,14 +68,14 @@ fn arrays_are_what_battles_give() {
     for (i, episode) in dataset.episodes().iter().enumerate() {
         let mut battle = Battle::new(Arc::clone(&dataset.arena), episode.seed);
         for step in dataset.steps_of(i) {
-            battle.write_obs(&mut obs, &mut scratch);
+            battle.write_obs(Faction::Ally, &mut obs, &mut scratch);
             assert_eq!(floats(ArrayName::Obs)[step * obs.len()..][..obs.len()], obs);
             let actions: Vec<i32> = dataset.actions_of(step).iter().map(|&action| action.into()).collect();
             let reward = battle.step(&actions, &mut scratch).unwrap().reward as f32;
             assert_eq!(floats(ArrayName::Reward)[step], reward);
         }
         assert!(battle.is_over());
-        battle.write_state(&mut state);
+        battle.write_state(Faction::Ally, &mut state);
         assert_eq!(floats(ArrayName::FinalState)[i * state_size..][..state_size], state);
     }
 }

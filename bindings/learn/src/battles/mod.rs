@@ -245,8 +245,8 @@ impl<'a> TeamSeat<'a> {
                 avail_actions.fill(0);
                 continue;
             }
-            running.battle.write_obs_of(self.side, obs, scratch); // leaves zeros behind its own features
-            running.battle.write_avail_actions_of(self.side, avail_actions);
+            running.battle.write_obs(self.side, obs, scratch); // leaves zeros behind its own features
+            running.battle.write_avail_actions(self.side, avail_actions);
             let past = self.past.iter().map(|actions| &actions[i * sizes.n_agents..]);
             append_past(obs, avail_actions, sizes, self.team.run.config.last_actions, past);
         }

@@ -6,7 +6,7 @@ use crate::architecture::{Inputs, Workspace};
 use crate::config::{Algorithm, Config};
 use crate::random::{Purpose, generator, uniform};
 use crate::team::{OnScenario, Team, agent_ids};
-use smaclite_engine::{Arena, Battle, Rules, Scratch};
+use smaclite_engine::{Arena, Battle, Faction, Rules, Scratch};
 use std::sync::Arc;
 
 fn config(algorithm: Algorithm) -> Config {
@@ -43,7 +43,7 @@ fn outputs(scenario: &Scenario, config: &Config, steps: usize) -> Vec<f32> {
     }
     let sizes = arena.sizes();
     let mut obs = vec![0.0; sizes.n_agents * sizes.obs_size];
-    battle.write_obs(&mut obs, &mut scratch);
+    battle.write_obs(Faction::Ally, &mut obs, &mut scratch);
     let mut workspace = Workspace::default();
     actor.forward(&obs, &agent_ids(sizes.n_agents, sizes.n_agents), &mut workspace);
     let rows = workspace.output().chunks_exact(actor.architecture.padded_out());

@@ -42,9 +42,10 @@ impl Battle {
         agent < self.arena.agents.len() && self.available.has(agent, action)
     }
 
-    /// Writes the observations of all agents: f32 `[n_agents, obs_size]`, all zeros for dead agents.
+    /// Writes the observations of all units of a side that joint actions play: f32 `[n_units, obs_size]`, all
+    /// zeros for the dead, and for enemies that a script plays.
     ///
-    /// A row consists of
+    /// A row consists of, as the side sees it,
     /// - whether the moves north, south, east and west are available: 0 or 1;
     /// - for each enemy: whether the target action of its number is available, distance, dx, dy, health,
     ///   \[shield\], \[type\];
@@ -54,20 +55,11 @@ impl Battle {
     /// Distances are divided by the sight range of 9 squares, health and shield by their maximum. Blocks of
     /// units that are dead or not nearer than the sight range are zero.
     ///
-    /// `out` may have longer rows, `[n_agents, more than obs_size]`: the rest of each row becomes 0.
-    ///
-    /// # Panics
-    /// If `out` has another size.
-    pub fn write_obs(&self, out: &mut [f32], scratch: &mut Scratch) {
-        self.write_obs_of(Faction::Ally, out, scratch);
-    }
-
-    /// As [`write_obs`](Self::write_obs), of a side that joint actions play: `[units of the side, obs_size]`,
-    /// where allies are those of that side. Rows are zeros too for enemies that a script plays.
+    /// `out` may have longer rows, `[n_units, more than obs_size]`: the rest of each row becomes 0.
     ///
     /// # Panics
     /// If `out` has another size than the [side's](crate::Arena::sizes_of).
-    pub fn write_obs_of(&self, side: Faction, out: &mut [f32], scratch: &mut Scratch) {
+    pub fn write_obs(&self, side: Faction, out: &mut [f32], scratch: &mut Scratch) {
         if let (Faction::Ally, Some(perceiver), Some(interface)) =
             (side, &self.perceiver, self.arena.interface())
         {
@@ -77,9 +69,9 @@ impl Battle {
         encode::write_obs(&self.view(side), out, &mut scratch.obs);
     }
 
-    /// Writes the state: f32 `[state_size]`.
+    /// Writes the state for a side that joint actions play: f32 `[state_size]`.
     ///
-    /// It consists of
+    /// It consists of, where the units of the side are its agents,
     /// - for each agent: health, cooldown (energy for healers), x, y, \[shield\], \[type\];
     /// - for each enemy: health, x, y, \[shield\], \[type\];
     /// - for each agent: a one-hot of its last action, all zeros after a reset.
@@ -88,16 +80,8 @@ impl Battle {
     /// maximum. Blocks of dead units are zero, except for the last action.
     ///
     /// # Panics
-    /// If `out` has another size.
-    pub fn write_state(&self, out: &mut [f32]) {
-        self.write_state_of(Faction::Ally, out);
-    }
-
-    /// As [`write_state`](Self::write_state), for a side that joint actions play: its units come first.
-    ///
-    /// # Panics
     /// If `out` has another size than the [side's](crate::Arena::sizes_of).
-    pub fn write_state_of(&self, side: Faction, out: &mut [f32]) {
+    pub fn write_state(&self, side: Faction, out: &mut [f32]) {
         if let (Faction::Ally, Some(perceiver), Some(interface)) =
             (side, &self.perceiver, self.arena.interface())
         {
@@ -107,37 +91,21 @@ impl Battle {
         encode::write_state(&self.view(side), self.last_actions_of(side), out);
     }
 
-    /// Writes which actions are available: u8 0 or 1, `[n_agents, n_actions]`.
-    ///
-    /// # Panics
-    /// If `out` has another size.
-    pub fn write_avail_actions(&self, out: &mut [u8]) {
-        self.write_avail_actions_of(Faction::Ally, out);
-    }
-
-    /// As [`write_avail_actions`](Self::write_avail_actions), of a side that joint actions play. Enemies that
-    /// a script plays have no-op alone, as the dead.
+    /// Writes which actions are available to the units of a side that joint actions play: u8 0 or 1,
+    /// `[n_units, n_actions]`. Enemies that a script plays have no-op alone, as the dead.
     ///
     /// # Panics
     /// If `out` has another size than the [side's](crate::Arena::sizes_of).
-    pub fn write_avail_actions_of(&self, side: Faction, out: &mut [u8]) {
+    pub fn write_avail_actions(&self, side: Faction, out: &mut [u8]) {
         self.available_of(side).write(out);
     }
 
-    /// Writes which agents are alive: u8 0 or 1, `[n_agents]`.
-    ///
-    /// # Panics
-    /// If `out` has another size.
-    pub fn write_alive(&self, out: &mut [u8]) {
-        self.write_alive_of(Faction::Ally, out);
-    }
-
-    /// As [`write_alive`](Self::write_alive), of a side that joint actions play. Enemies that a script plays
-    /// count as dead.
+    /// Writes which units of a side that joint actions play are alive: u8 0 or 1, `[n_units]`. Enemies that a
+    /// script plays count as dead.
     ///
     /// # Panics
     /// If `out` has another size than the [side's](crate::Arena::sizes_of).
-    pub fn write_alive_of(&self, side: Faction, out: &mut [u8]) {
+    pub fn write_alive(&self, side: Faction, out: &mut [u8]) {
         let ids = self.arena.ids(side);
         assert_eq!(out.len(), ids.len(), "one byte per unit");
         let is_played = side == Faction::Ally || self.opponent == Opponent::Learner;

@@ -198,7 +198,7 @@ mod tests {
             battle.reset();
             let sizes = battle.arena().sizes();
             let mut obs = vec![0.0; sizes.n_agents * sizes.obs_size];
-            battle.write_obs(&mut obs, &mut Scratch::new());
+            battle.write_obs(Faction::Ally, &mut obs, &mut Scratch::new());
             let layout = TargetLayout::new(scenario).unwrap();
             assert_eq!((layout.first, layout.count), (action::FIRST_TARGET, sizes.n_actions - 6));
             let rows = obs.chunks_exact(sizes.obs_size).enumerate();

@@ -17,7 +17,7 @@ fn play_states(scenario: &Scenario) -> Vec<(Moment, Moment)> {
     let (mut scratch, mut actions) = (Scratch::new(), vec![0; scenario.n_agents()]);
     let mut pairs = Vec::new();
     for _ in 0..60 {
-        battle.write_state(&mut state);
+        battle.write_state(Faction::Ally, &mut state);
         pairs.push((observer.moment().clone(), Moment::from_state(scenario, &state)));
         if battle.is_over() {
             break;
