@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 
-from conftest import serves_other_processes
+from conftest import Serve, serves_other_processes
 
 PROGRAM = [sys.executable, "-m", "smaclite_pool"]
 
@@ -47,53 +47,6 @@ def test_the_field_of_a_side_that_is_not_played_names_the_setting() -> None:
     with sp.make("3m", 2, fields=["obs", "enemy_obs"]) as envs:
         with pytest.raises(AttributeError, match='do not include `enemy_obs`; with sides="both", add it'):
             _ = envs.reset().enemy_obs
-
-
-def test_scripts_play_either_side() -> None:
-    """focus_fire beats random on both sides of a symmetric map."""
-    with sp.make("3s5z", num_envs=16, sides="both", mirror=True) as envs:
-        for good_side in ("allies", "enemies"):
-            names: Any = {"allies": "random", "enemies": "random", good_side: "focus_fire"}
-            players = [sp.ScriptedPolicy(names[side], envs, seed=1, side=side) for side in names]
-            batch = envs.reset(seed=2)
-            won, lost = 0, 0
-            for _ in range(100):
-                batch = envs.step(np.concatenate([player(batch) for player in players], axis=1))
-                won += int(batch.battle_won.sum())
-                lost += int((batch.terminated & (batch.dead_allies == envs.spec.n_agents)).sum())
-            assert (won, lost) == ((won, 0) if good_side == "allies" else (0, lost)) and won + lost > 16
-
-
-def test_a_mirror_shows_the_same_battle() -> None:
-    with sp.make("2s3z", num_envs=1, sides="both", mirror=True) as envs:
-        batch = envs.reset(seed=1)
-        assert (envs.spec.obs_size, envs.spec.n_actions) == (
-            envs.spec.enemy_obs_size,
-            envs.spec.n_enemy_actions,
-        )
-        for _ in range(4):
-            np.testing.assert_allclose(batch.enemy_obs, batch.obs, atol=2e-3)
-            np.testing.assert_allclose(batch.enemy_state, batch.state, atol=2e-3)
-            assert (batch.enemy_avail_actions == batch.avail_actions).all()
-            batch = envs.step([[4] * 10])  # each side goes to what is east for it
-        assert batch.obs[0, :, 4].any() or batch.obs[0, :, 5].any(), "the sides see each other"
-
-
-def test_rewards_of_both_sides_add_up_to_zero_if_asked() -> None:
-    def rewards(zero_sum: bool) -> tuple[np.ndarray, np.ndarray]:
-        with sp.make("3m", num_envs=4, sides="both", zero_sum=zero_sum) as envs:
-            players = [sp.ScriptedPolicy("focus_fire", envs, side=side) for side in ("allies", "enemies")]
-            batch = envs.reset(seed=1)
-            seen = []
-            for _ in range(40):
-                batch = envs.step(np.concatenate([player(batch) for player in players], axis=1))
-                seen.append((batch.reward.copy(), batch.enemy_reward.copy()))
-        return tuple(np.array(part) for part in zip(*seen, strict=True))  # type: ignore[return-value]
-
-    (own, other), (first, second) = rewards(False), rewards(True)
-    assert own.max() > 0 and other.max() > 0 and other.min() == 0
-    np.testing.assert_allclose(first, own - other, rtol=1e-5)
-    assert (second == -first).all()
 
 
 def test_a_second_side_that_no_learner_plays_is_an_error() -> None:
@@ -186,28 +139,25 @@ def test_snapshots_and_replays_have_both_sides(tmp_path: Path) -> None:
     assert run.returncode == 0, run.stderr + run.stdout
 
 
+@pytest.mark.parametrize("served", [False, True])
+def test_the_options_of_both_sides_have_an_effect(served: bool, serve: Serve) -> None:
+    if served:
+        serve("3m:4", "--name", "sides", "--sides", "both", "--mirror", "--zero-sum", "--threads", "1")
+    options: Any = {"sides": "both", "mirror": True, "zero_sum": True}
+    with sp.connect("sides", timeout=20) if served else sp.make("3m", 4, **options) as envs:
+        assert (envs.spec.sides, envs.spec.mirror, envs.spec.zero_sum) == ("both", True, True)
+        players = [sp.ScriptedPolicy("random", envs), sp.ScriptedPolicy("focus_fire", envs, side="enemies")]
+        batch, lost = envs.reset(seed=1), 0
+        np.testing.assert_allclose(batch.enemy_obs, batch.obs, atol=2e-3)  # in a mirror
+        for _ in range(60):
+            batch = envs.step(np.concatenate([player(batch) for player in players], axis=1))
+            assert (batch.enemy_reward == -batch.reward).all()
+            lost += int((batch.terminated & (batch.dead_allies == 3)).sum())
+            assert not batch.battle_won.any()
+    assert lost > 4
+
+
 @serves_other_processes
-def test_a_served_lane_has_both_sides(tmp_path: Path) -> None:
-    command = [
-        *PROGRAM,
-        "serve",
-        "3m:4",
-        "--name",
-        "both-sides",
-        "--sides",
-        "both",
-        "--mirror",
-        "--threads",
-        "1",
-    ]
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL) as pool:
-        try:
-            with sp.connect("both-sides", timeout=20) as envs:
-                assert (envs.spec.sides, envs.spec.mirror, envs.spec.zero_sum) == ("both", True, False)
-                envs.reset()
-                assert envs.step(envs.sample_actions()).enemy_alive.all()
-        finally:
-            pool.terminate()
-    refused = [*PROGRAM, "serve", "3m:4", "--mirror"]
-    run = subprocess.run(refused, capture_output=True, text=True, check=False)
-    assert run.returncode != 0 and "options of sides `both`" in run.stderr
+def test_serve_refuses_a_mirror_of_one_side() -> None:
+    refused = subprocess.run([*PROGRAM, "serve", "3m:4", "--mirror"], capture_output=True, text=True)
+    assert refused.returncode != 0 and "options of sides `both`" in refused.stderr

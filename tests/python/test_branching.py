@@ -55,17 +55,6 @@ def test_battles_go_on_from_a_snapshot_with_the_same_bits(tmp_path: Path) -> Non
             assert_repeats(envs, future)
 
 
-def test_an_attached_learner_branches_too(serve: Serve) -> None:
-    serve("3s5z:4", "--name", "train", "--fields", ",".join(FIELDS))
-    with sp.connect("train") as envs:
-        envs.reset(seed=3)
-        kept = envs.step(envs.sample_actions()).snapshot.copy()
-        future = steps(envs, 12)
-        envs.fork([0, 0, 0], [1, 2, 3])
-        envs.reset(snapshots=kept)
-        assert_repeats(envs, future)
-
-
 def test_copies_have_one_future_until_they_are_reseeded() -> None:
     with sp.make("MMM", 8, fields=FIELDS) as envs:
         envs.reset(seed=1)
@@ -281,38 +270,6 @@ def test_a_column_that_snapshots_do_not_have_is_an_error() -> None:
         for name, hint in (("health", "hp"), ("cooldwn", "cooldown")):
             with pytest.raises(sp.errors.InvalidRequest, match=f"no column `{name}`; did you mean `{hint}`"):
                 sp.pack_snapshot(columns | {name: columns["hp"]}, envs)
-
-
-def test_columns_are_agents_first_where_the_file_begins_with_enemies() -> None:
-    """In corridor they were enemies first, and `columns["alive"][0] = False` killed an enemy."""
-    with sp.make("corridor", 1, fields=["snapshot", "alive", "dead_enemies"]) as envs:
-        columns = sp.snapshot_columns(envs.reset(seed=1).snapshot[0])
-        assert columns["hp"][:6].tolist() == [100.0] * 6 and columns["hp"][6:].tolist() == [35.0] * 24
-        columns["alive"][0] = False
-        batch = envs.reset(env_id=[0], snapshots=sp.pack_snapshot(columns, envs))
-        assert batch.alive[0].tolist() == [False] + [True] * 5 and batch.dead_enemies[0] == 0
-
-
-def test_what_no_battle_has_is_refused_and_says_what_differs() -> None:
-    """A position of 3e38 let the next step take all memory; another `obs_last_actions` was "another size"."""
-    with sp.make("25m", 1, fields=["snapshot"]) as envs:
-        columns = sp.snapshot_columns(envs.reset(seed=1).snapshot[0])
-        columns["pos"][:, 0] = 3e38
-        with pytest.raises(sp.errors.InvalidRequest, match="'pos' must be between -16 and 48 for unit 0"):
-            sp.pack_snapshot(columns, envs)
-    with (
-        sp.make("3m", 1, fields=["snapshot"]) as plain,
-        sp.make("3m", 1, fields=["snapshot"], obs_last_actions=2) as longer,
-        sp.make("3m", 1, fields=["snapshot"], rules="paper") as paper,
-    ):
-        snapshot = longer.reset(seed=1).snapshot.copy()
-        plain.reset(seed=1)
-        with pytest.raises(sp.errors.InvalidRequest, match="`obs_last_actions` 2, and this one has 0"):
-            plain.reset(snapshots=snapshot)
-        with pytest.raises(
-            sp.errors.InvalidRequest, match="of rules `paper`, and the battle has rules `smaclite`"
-        ):
-            plain.reset(snapshots=paper.reset(seed=1).snapshot.copy())
 
 
 @pytest.mark.parametrize(

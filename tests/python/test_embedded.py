@@ -43,6 +43,7 @@ def test_the_spec_says_what_the_status_says_and_outlives_the_environments() -> N
         assert list(spec.fields) == status["description"]["fields"]
         assert (spec.scenario, spec.lane, spec.pool, spec.seed) == ("MMM2", "MMM2", "mine", 9)
         assert (spec.rules, spec.autoreset_mode, spec.episode_limit) == ("smaclite", "NextStep", 180)
+        assert (spec.obs_last_actions, spec.obs_agent_id) == (2, False)
         assert "mine" in sp.pools() and status["learner_pid"] == spec.pid
         for shown in (repr(envs), repr(spec)):
             assert "MMM2" in shown and "mine" in shown
@@ -53,39 +54,6 @@ def test_the_spec_says_what_the_status_says_and_outlives_the_environments() -> N
         assert other.spec != spec
     with pytest.raises(AttributeError):
         spec.n_agents = 3  # type: ignore[misc]
-
-
-def test_own_actions_and_numbers_follow_the_features() -> None:
-    """Compared with one-hot vectors of the actions that were sent; zeros for dead agents."""
-    last_actions, num_envs = 3, 4
-    settings: dict[str, Any] = {"num_envs": num_envs, "seed": 3, "autoreset_mode": "SameStep"}
-    own = sp.make("2s3z", obs_last_actions=last_actions, obs_agent_id=True, **settings)
-    with own as envs, sp.make("2s3z", **settings) as plain:
-        n_agents, n_actions, features = envs.spec.n_agents, envs.spec.n_actions, plain.spec.obs_size
-        assert envs.spec.obs_size == features + last_actions * n_actions + n_agents
-        assert envs.spec.obs_last_actions == 3 and envs.spec.obs_agent_id is True
-        history = np.zeros((num_envs, n_agents, last_actions, n_actions), np.float32)
-        ids = np.broadcast_to(np.eye(n_agents, dtype=np.float32), (num_envs, n_agents, n_agents))
-        policy = sp.ScriptedPolicy("nearest", envs)
-
-        def expected(obs: Any, alive: Any) -> Any:
-            own = np.concatenate([history.reshape(num_envs, n_agents, -1), ids], axis=2)
-            return np.concatenate([obs, own * alive[:, :, None]], axis=2)
-
-        batch, bare, dead, ended = envs.reset(seed=3), plain.reset(seed=3), 0, 0
-        for _ in range(150):
-            assert np.array_equal(batch.obs, expected(bare.obs, bare.alive))
-            actions = policy(batch)
-            batch, bare = envs.step(actions), plain.step(actions)
-            history = np.concatenate([np.eye(n_actions, dtype=np.float32)[actions][:, :, None], history], 2)
-            history = history[:, :, :last_actions]
-            over = batch.terminated | batch.truncated
-            alive = bare.final_obs.any(axis=2)  # the newest mask is that of the next episode
-            final = expected(bare.final_obs, alive)
-            assert np.array_equal(batch.final_obs[over], final[over])
-            history[over] = 0
-            dead, ended = dead + int((~bare.alive).sum()), ended + int(over.sum())
-        assert dead > 0 and ended > 0
 
 
 def test_a_served_lane_appends_them_too(serve: Serve) -> None:
@@ -207,20 +175,6 @@ def test_a_lane_includes_only_selected_fields() -> None:
         with pytest.raises(AttributeError, match="do not include `state`; add it to `fields`"):
             _ = batch.state
         assert not hasattr(batch, "nonsense")
-
-
-def test_asynchronous_stepping_serves_every_environment() -> None:
-    with sp.make("2s3z", num_envs=6, batch_size=2, threads=2) as envs:
-        envs.async_reset(seed=1)
-        counts = np.zeros(6, int)
-        for _ in range(100_000):  # the system can keep a worker and its environment from a core for a while
-            if counts.sum() >= 120 and counts.min() > 0:
-                break
-            batch = envs.recv(timeout=60)
-            assert len(batch) == 2
-            counts[batch.env_id] += 1
-            envs.send(envs.sample_actions(env_id=batch.env_id), env_id=batch.env_id)
-        assert counts.min() > 0
 
 
 @pytest.mark.parametrize(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,8 +10,6 @@ import smaclite_pool as sp
 from smaclite_pool import _native
 from smaclite_pool._layout import Floats, ScenarioLayout
 from smaclite_pool._units import UnitsView
-
-from play import duel
 
 SCENARIOS = ["2s3z", "MMM2", "bane_vs_bane", "3s_vs_5z"]
 
@@ -125,24 +121,3 @@ def test_action_numbers_and_the_targeting_range() -> None:
             np.testing.assert_array_equal(available, near & (units.health[3:] > 0))
             targets += int(available.sum())
     assert targets > 0
-
-
-def test_the_rewards(tmp_path: Path) -> None:
-    """A victory returns REWARD_SCALE for all health of the enemies, KILL_REWARD per enemy, and WIN_REWARD."""
-    file = tmp_path / "duel.json"
-    file.write_text(json.dumps(duel(5, "MARINE", 16, "five_against_one")))
-    layout = ScenarioLayout(file)
-    [enemy] = layout.enemies
-    scale = _native.REWARD_SCALE / (enemy["hp"] + _native.KILL_REWARD + _native.WIN_REWARD)
-    with sp.make(file, 1, autoreset_mode="Disabled", seed=1) as envs:
-        batch, units = envs.reset(), UnitsView(layout)
-        units.update(batch.state[0])
-        while not (batch.terminated[0] or batch.truncated[0]):
-            before, mask = units.health[-1], batch.avail_actions[0]
-            attack = np.where(mask[:, _native.FIRST_TARGET], _native.FIRST_TARGET, _native.STOP)
-            batch = envs.step([np.where(mask[:, _native.NO_OP], _native.NO_OP, attack)])
-            units.update(batch.state[0])
-            bonus = _native.KILL_REWARD + _native.WIN_REWARD if batch.battle_won[0] else 0.0
-            assert batch.reward[0] == pytest.approx((before - units.health[-1] + bonus) * scale, abs=1e-4)
-        assert batch.battle_won[0]
-        assert batch.episode_return[0] == pytest.approx(_native.REWARD_SCALE, abs=1e-4)

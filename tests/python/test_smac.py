@@ -269,62 +269,15 @@ def test_parts_of_observations_that_smac_does_not_have_are_refused(tmp_path: Pat
         MultiAgentEnv(path)
 
 
-def test_rewards_by_every_option() -> None:
-    common: dict[str, Any] = {"map_name": "2s3z", "seed": 5, "heuristic_ai": True, "heuristic_rest": True}
-    changed: list[dict[str, Any]] = [
-        {},
-        {"reward_scale": False},
-        {"reward_scale_rate": 40},
-        {"reward_sparse": True, "reward_scale": False},
-        {"reward_death_value": 30, "reward_scale": False},
-        {"reward_only_positive": False, "reward_scale": False},
-        {"reward_defeat": -50, "reward_scale": False},
-    ]
-    envs = [MultiAgentEnv(**common, **options) for options in changed]
-    default, raw, doubled, sparse, deadly, negative, punished = play(envs, 200)
-    info = sp.scenario("2s3z")
-    most = 10 * 5 + 200 + sum(unit["hp"] + unit["shield"] for unit in info["enemies"])
-    assert envs[0].max_reward == most
-    np.testing.assert_allclose(np.array(raw) * 20 / most, default, rtol=1e-5)
-    np.testing.assert_allclose(np.array(doubled), 2 * np.array(default), rtol=1e-5)
-    dead_enemies = sum(unit.health == 0 for unit in envs[0].enemies.values())
-    dead_allies = sum(unit.health == 0 for unit in envs[0].agents.values())
-    assert dead_enemies > 0 and dead_allies == 5 and envs[0].battles_won == 0
-    assert sparse == [0] * (len(sparse) - 1) + [-1]
-    assert np.isclose(sum(deadly) - sum(raw), 20 * dead_enemies, atol=1e-2)
-    lost = sum(unit["hp"] + unit["shield"] for unit in info["allies"])
-    assert np.isclose(sum(raw) - sum(negative), 0.5 * (lost + 10 * 5), atol=1e-2)
-    assert np.isclose(punished[-1] - raw[-1], -50, atol=1e-3)
-    for env in envs:
-        env.close()
-
-
-def test_a_victory_pays_what_it_should() -> None:
-    winning: dict[str, Any] = {
-        "map_name": "2c_vs_64zg",
-        "seed": 1,
-        "heuristic_ai": True,
-        "heuristic_rest": True,
+def test_options_of_rewards_are_those_of_the_battle() -> None:
+    """What they do is tested in tests/battles/rewards.rs."""
+    options: dict[str, Any] = {name: SMAC_DEFAULTS[name] for name in SMAC_DEFAULTS if "reward" in name}
+    other: dict[str, Any] = {
+        name: not value if isinstance(value, bool) else value + 1.5 for name, value in options.items()
     }
-    changed: list[dict[str, Any]] = [{"reward_scale": False}, {"reward_win": 500, "reward_scale": False}]
-    sparse: dict[str, Any] = {"reward_sparse": True, "reward_scale": False}
-    envs = [MultiAgentEnv(**winning, **options) for options in [*changed, sparse]]
-    plain, rich, rare = play(envs, 400)
-    assert envs[0].battles_won == 1 and envs[0].get_stats()["win_rate"] == 1
-    assert np.isclose(rich[-1] - plain[-1], 300, atol=1e-2)
-    assert rare[-1] == 1 and sum(rare) == 1
-    for env in envs:
-        env.close()
-
-
-def test_banelings_that_destroy_themselves_are_not_kills() -> None:
-    common: dict[str, Any] = {"map_name": "so_many_baneling", "seed": 1, "reward_scale": False}
-    envs = [MultiAgentEnv(**common, reward_death_value=value) for value in (0, 10)]
-    free, paid = play(envs, 200)
-    dead = sum(unit.health == 0 for unit in envs[0].enemies.values())
-    kills = (sum(paid) - sum(free)) / 10
-    assert np.isclose(kills, round(kills), atol=1e-3) and 0 <= kills < dead
-    for env in envs:
+    for given in (options, other):
+        env = MultiAgentEnv("2s3z", **given)
+        assert env._battle.envs.spec.rewards == given
         env.close()
 
 
@@ -411,7 +364,7 @@ def test_the_seed_determines_the_episodes() -> None:
         env.close()
 
 
-@pytest.mark.parametrize("scenario", ["MMM2", "corridor", "2s_vs_1sc", "bane_vs_bane"])
+@pytest.mark.parametrize("scenario", ["MMM2", "corridor", "2s_vs_1sc", "bane_vs_bane", "3m"])
 def test_the_heuristic_uses_available_actions_and_writes_them_back(scenario: str) -> None:
     env = MultiAgentEnv(scenario, seed=1, heuristic_ai=True, heuristic_rest=True)
     env.reset()
@@ -422,6 +375,8 @@ def test_the_heuristic_uses_available_actions_and_writes_them_back(scenario: str
         np.testing.assert_array_equal(env.get_state_dict()["last_action"].argmax(axis=1), actions)
         attacks += sum(action >= 6 for action in actions)
     assert attacks > 0 and info["dead_allies"] + info["dead_enemies"] > 0
+    assert info["battle_won"] == (scenario == "3m")
+    assert env.battles_won == env.get_stats()["win_rate"] == info["battle_won"]
     env.close()
 
 

@@ -33,18 +33,14 @@ def assert_equal(one: list[dict[str, Any]], other: list[dict[str, Any]]) -> None
             assert values.tobytes() == right[name].tobytes(), name
 
 
-@pytest.mark.parametrize("scenario", ["MMM2", "bane_vs_bane", "2c_vs_64zg", "terran_5_vs_5"])
-def test_the_bits_depend_on_no_number_of_threads_and_no_process(scenario: str, serve: Serve) -> None:
-    serve(f"{scenario}:4", "--name", "war", "--rules", "starcraft", "--fields", ",".join(FIELDS))
-    with sp.make(scenario, 4, rules="starcraft", threads=1, fields=FIELDS) as envs:
-        one = play(envs, 60)
-        assert envs.spec.rules == "starcraft-1"
-    with sp.make(scenario, 4, rules="starcraft-1", threads=3, fields=FIELDS) as envs:
-        assert_equal(one, play(envs, 60))
-    with sp.connect("war") as attached:
-        assert_equal(one, play(attached, 60))
-    with sp.make(scenario, 4, threads=1, fields=FIELDS) as envs:
-        assert not np.array_equal(one[-1]["state"], play(envs, 60)[-1]["state"])
+def test_a_pool_in_another_process_shows_the_same_bits(serve: Serve) -> None:
+    serve("MMM2:4", "--name", "war", "--rules", "starcraft", "--fields", ",".join(FIELDS))
+    with sp.make("MMM2", 4, rules="starcraft-1", threads=2, fields=FIELDS) as envs, sp.connect("war") as war:
+        assert envs.spec.rules == war.spec.rules == "starcraft-1"
+        played = play(envs, 60)
+        assert_equal(played, play(war, 60))
+    with sp.make("MMM2", 4, fields=FIELDS) as envs:
+        assert not np.array_equal(played[-1]["state"], play(envs, 60)[-1]["state"])
 
 
 def test_a_battle_goes_on_from_the_middle_of_its_attacks() -> None:
@@ -143,16 +139,3 @@ def test_the_units_of_the_interface_of_smac_have_the_cooldowns_of_the_rules() ->
     assert left[agent] > 0
     assert env.get_unit_by_id(agent).weapon_cooldown == pytest.approx(left[agent], abs=1e-5)
     env.close()
-
-
-def test_a_snapshot_of_other_rules_is_refused_for_its_rules() -> None:
-    """The reason that was given was an option of `smacv2`, which neither had."""
-    snapshots = {}
-    both: tuple[Rules, Rules] = ("smaclite", "starcraft")
-    for rules in both:
-        with sp.make("3m", 1, rules=rules, fields=["snapshot"]) as envs:
-            snapshots[rules] = envs.reset(seed=1).snapshot.copy()
-    for rules, other in (both, both[::-1]):
-        with sp.make("3m", 1, rules=rules, fields=["snapshot"]) as envs:
-            with pytest.raises(sp.errors.InvalidRequest, match="one has rules `starcraft`"):
-                envs.reset(snapshots=snapshots[other])
