@@ -86,14 +86,6 @@ mod _native {
     #[pymodule_export]
     const FIRST_TARGET: usize = smaclite_engine::action::FIRST_TARGET;
 
-    // Points for a kill and for a victory, and the return that the maximum of points is scaled to.
-    #[pymodule_export]
-    const KILL_REWARD: f64 = smaclite_engine::KILL_REWARD;
-    #[pymodule_export]
-    const WIN_REWARD: f64 = smaclite_engine::WIN_REWARD;
-    #[pymodule_export]
-    const REWARD_SCALE: f64 = smaclite_engine::REWARD_SCALE;
-
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
         super::views::load_numpy(module.py())?;

@@ -19,17 +19,14 @@ __all__ = [
     "DATASET_ARRAYS",
     "EAST",
     "FIRST_TARGET",
-    "KILL_REWARD",
     "NORTH",
     "NO_OP",
     "OPPONENTS",
     "REWARD_DEFAULTS",
-    "REWARD_SCALE",
     "SNAPSHOT_COLUMNS",
     "SOUTH",
     "STOP",
     "WEST",
-    "WIN_REWARD",
     "ZOO",
     "Batch",
     "CapabilityBattle",
@@ -72,10 +69,6 @@ DATASET_ARRAYS: list[tuple[str, str, str, str]]
 OPPONENTS: tuple[str, ...]
 ZOO: tuple[str, ...]
 
-# Points for a kill and for a victory, and the return that the maximum of points is scaled to.
-KILL_REWARD: Final[float]
-WIN_REWARD: Final[float]
-REWARD_SCALE: Final[float]
 # The rewards of a scenario that has no others.
 REWARD_DEFAULTS: Final[RewardOptions]
 
