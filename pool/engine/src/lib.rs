@@ -157,7 +157,3 @@ const MIN_ENERGY_FOR_NEW_TARGET: f64 = 5.0;
 
 /// Unscaled reward for killing an enemy, if a scenario has no other.
 pub const KILL_REWARD: f64 = Rewards::DEFAULT.death_value;
-/// Unscaled reward of a step after which no enemy is alive, if a scenario has no other.
-pub const WIN_REWARD: f64 = Rewards::DEFAULT.win;
-/// The return that the greatest unscaled return is scaled to, if a scenario has no other.
-pub const REWARD_SCALE: f64 = Rewards::DEFAULT.scale_rate;
