@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import copy
 import gc
-import importlib
 import json
 import pickle
 import sys
-import textwrap
 import warnings
 from collections.abc import Iterator
 from contextlib import closing
@@ -435,17 +433,6 @@ def test_an_attached_lane_is_a_vector_too(serve: Serve) -> None:
     seen, *_ = envs.step(envs.action_space.sample())
     assert seen["obs"].shape == (2, 5, 80)
     envs.close()
-
-
-@pytest.mark.parametrize("module", ["integrations.gymnasium", "integrations.envpool", "compat"])
-def test_the_example_of_the_documentation_runs(module: str) -> None:
-    text = importlib.import_module(f"smaclite_pool.{module}").__doc__ or ""
-    lines = [line for line in text.splitlines() if line.startswith("    ") or not line]
-    code = "\n".join(
-        line for line in textwrap.dedent("\n".join(lines)).splitlines() if not line.startswith("python ")
-    )
-    done = run_script("import warnings; warnings.simplefilter('error')\n" + code)
-    assert "close()" in code and done.returncode == 0, done.stderr
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import gc
-import textwrap
 import warnings
 
 import numpy as np
@@ -12,7 +11,6 @@ import smaclite_pool as sp
 
 jax = pytest.importorskip("jax")
 
-import smaclite_pool.integrations.jax
 from smaclite_pool.integrations.jax import array, arrays
 
 
@@ -62,9 +60,3 @@ def test_a_string_is_no_list_of_names() -> None:
         with pytest.raises(TypeError, match=r'^names must be a list of strings, such as \["obs"\], got str'):
             arrays(batch, "obs")
         assert [*arrays(batch, ("obs", "reward"))] == ["obs", "reward"]
-
-
-def test_the_example_runs() -> None:
-    text = smaclite_pool.integrations.jax.__doc__
-    assert text is not None
-    exec(textwrap.dedent("\n".join(text.split("\n")[2:]).split("\nNothing is copied")[0]), {})

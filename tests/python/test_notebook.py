@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from pathlib import Path
 from typing import Any
 
@@ -43,15 +42,6 @@ def test_the_stored_outputs_are_of_one_run() -> None:
     notebook = json.loads(NOTEBOOK.read_text())
     check(notebook)
     assert NOTEBOOK.stat().st_size < 300_000, "every run adds the outputs to the repository"
-
-
-def test_links_lead_to_pages() -> None:
-    cells = json.loads(NOTEBOOK.read_text())["cells"]
-    text = "".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "markdown")
-    links = re.findall(r"\]\(([^)#:]+)\)", text)
-    assert "installation.md" in links
-    for link in links:
-        assert (NOTEBOOK.parent / link).exists(), link
 
 
 def test_the_notebook_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import pickle
-import textwrap
 import warnings
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -15,7 +14,6 @@ import smaclite_pool as sp
 
 torch = pytest.importorskip("torch")
 
-import smaclite_pool.integrations.torch
 from smaclite_pool.integrations.torch import ReadOnly, pinned, tensor, tensors
 
 
@@ -155,12 +153,6 @@ def test_a_string_is_no_list_of_names() -> None:
         with pytest.raises(TypeError, match=r'^names must be a list of strings, such as \["obs"\], got str'):
             tensors(batch, "obs")
         assert [*tensors(batch, ("obs", "reward"))] == ["obs", "reward"]
-
-
-def test_the_example_runs() -> None:
-    text = smaclite_pool.integrations.torch.__doc__
-    assert text is not None
-    exec(textwrap.dedent("\n".join(text.split("\n")[2:]).split("\nNothing is copied")[0]), {"torch": torch})
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="has CUDA")

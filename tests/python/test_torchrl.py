@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Iterator
 from contextlib import closing
 from typing import Any
@@ -16,7 +15,6 @@ from conftest import Serve
 torch = pytest.importorskip("torch")
 pytest.importorskip("torchrl")
 
-import smaclite_pool.integrations.torchrl
 from smaclite_pool._render import Window
 from smaclite_pool.integrations._common import INFO_FIELDS
 from smaclite_pool.integrations.torchrl import PoolEnv
@@ -327,12 +325,6 @@ def test_a_running_pool_is_attached_to(serve: Serve) -> None:
     serve("2s3z:3", "--name", "other", "--threads", "1")
     with sp.connect("other") as envs, pytest.raises(sp.errors.InvalidRequest, match="NextStep"):
         PoolEnv(envs)
-
-
-def test_the_example_runs() -> None:
-    text = smaclite_pool.integrations.torchrl.__doc__
-    assert text is not None
-    exec(textwrap.dedent("\n".join(text.split("\n")[2:]).split("\nKeys are")[0]), {})
 
 
 def test_torchrl_wraps_the_pettingzoo_integration() -> None:
