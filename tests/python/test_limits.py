@@ -8,17 +8,13 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
-import smaclite_pool as sp
 
 if sys.platform != "linux":
     pytest.skip("limits are set and looked at by what Linux has for them", allow_module_level=True)
 
-import resource
-
-from conftest import Serve, run_script
+from conftest import run_script
 
 #: Sets each limit in turn, and reports the errors and how many pools played. A learner that waits raises
 #: `Timeout`, which is not caught. What is imported late is imported before there is a limit.
@@ -96,12 +92,6 @@ def succeeds(script: str) -> None:
     assert done.returncode == 0, done.stderr
 
 
-def first_free(pid: int) -> int:
-    """The file descriptor that this process would open next."""
-    taken = {int(path.name) for path in Path(f"/proc/{pid}/fd").iterdir()}
-    return next(number for number in range(1024) if number not in taken)
-
-
 def test_an_embedded_pool_opens_few_files() -> None:
     # It was 61, where the documentation said ten.
     script = """
@@ -134,26 +124,3 @@ def test_any_limit_of_address_space_is_an_error_or_enough(megabytes: int) -> Non
     print(done.stdout, done.stderr)
     # Where it is too little for a small allocation, the allocator ends the process.
     assert done.returncode == 0 or "memory allocation of" in done.stderr, done.stderr
-
-
-def test_a_learner_that_a_pool_has_no_files_for_is_told_so_and_the_first_plays_on(serve: Serve) -> None:
-    pool = serve("a=3m:4", "b=3m:4", "--name", "short", "--threads", "1")
-    first = sp.connect("short", "a")
-    first.reset(seed=1, timeout=20)
-    before = resource.prlimit(pool.pid, resource.RLIMIT_NOFILE)
-    refusals = []
-    for spare in range(8):
-        resource.prlimit(pool.pid, resource.RLIMIT_NOFILE, (first_free(pool.pid) + spare, before[1]))
-        try:
-            with sp.connect("short", "b") as second:
-                second.reset(seed=1, timeout=20)
-                second.step(second.sample_actions(), timeout=20)
-        except sp.errors.ConnectError as error:
-            refusals.append(str(error))
-        first.step(first.sample_actions(), timeout=20)
-    resource.prlimit(pool.pid, resource.RLIMIT_NOFILE, before)
-    assert 0 < len(refusals) < 8
-    assert all(f"(process {pool.pid})" in text and "`ulimit -n`" in text for text in refusals), refusals
-    with sp.connect("short", "b") as second:
-        second.reset(seed=1, timeout=20)
-    first.close()

@@ -3,35 +3,12 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
-from select import select
-from typing import IO
 
 import numpy as np
 import pytest
 import smaclite_pool as sp
 
 from conftest import Serve, serves_other_processes
-
-HOLDER = """
-import time
-import smaclite_pool as sp
-
-end = time.monotonic() + 30
-while True:
-    try:
-        spectator = sp.Spectator("train")
-        break
-    except sp.errors.ConnectError:  # the place of the one before is free when the pool notices its end
-        if time.monotonic() > end:
-            raise
-        time.sleep(0.01)
-while (batch := spectator.latest()) is None:
-    time.sleep(0.01)
-print("holds", batch.sequence, flush=True)
-time.sleep(100)
-"""
 
 
 def test_a_spectator_sees_the_newest_batch(serve: Serve) -> None:
@@ -85,30 +62,6 @@ def test_a_late_spectator_gets_the_newest_batch_and_counts_what_it_misses(serve:
             assert seen is not None and seen.sequence == newest.sequence == first + 9
             np.testing.assert_array_equal(seen.obs, newest.obs)
             assert not seen.obs.flags.writeable
-
-
-def test_a_killed_spectator_disturbs_no_other_process(serve: Serve) -> None:
-    """It holds a batch of the pool's memory when it dies; its place becomes free."""
-    serve("3m:2", "--name", "train", "--spectators", "1")
-    with sp.connect("train") as envs:
-        for _ in range(2):
-            child = subprocess.Popen([sys.executable, "-c", HOLDER], stdout=subprocess.PIPE, text=True)
-            batch = envs.reset(seed=1)
-            assert child.stdout is not None
-            while child.poll() is None and not is_readable(child.stdout):
-                batch = envs.step(envs.sample_actions())
-            assert child.stdout.readline().startswith("holds")
-            child.kill()
-            child.communicate()
-            before = batch.sequence
-            for _ in range(50):
-                batch = envs.step(envs.sample_actions())
-            assert batch.sequence == before + 50
-
-
-def is_readable(stream: IO[str]) -> bool:
-    """Whether there is something to read, after a moment."""
-    return bool(select([stream], [], [], 0.02)[0])
 
 
 @serves_other_processes

@@ -480,23 +480,6 @@ def test_a_page_whose_program_ends_while_steps_are_missing_stays_alive_and_recov
     page.__exit__()
 
 
-def test_a_wrong_token_is_refused(browser: Any, programs_of_test: Programs) -> None:
-    programs_of_test.serve("3m:1")
-    url = programs_of_test.watch()
-    page = browser.new_page()
-    response = page.goto(url[:-1] + ("0" if url[-1] != "0" else "1"))
-    assert response.status == 403 and "token" in page.inner_text("body")
-    page.goto("about:blank")
-    host = url.removeprefix("http://").split("/")[0]
-    opened = f"""new Promise((done) => {{
-        const socket = new WebSocket("ws://{host}/ws?{url.split("?")[1]}");
-        socket.onopen = () => done("open");
-        socket.onerror = () => done("refused");
-    }})"""
-    assert page.evaluate(opened) == "refused", "a page of another origin"
-    page.close()
-
-
 @pytest.mark.parametrize("scheme", ["light", "dark"])
 @pytest.mark.parametrize("width", [1280, 390])
 def test_every_view_fits_its_window(
