@@ -460,13 +460,18 @@ fn edited_snapshots_are_refused_or_played_with_finite_numbers() {
 
 #[test]
 fn a_value_out_of_range_is_named_with_its_column_unit_and_range() {
+    type Change = (&'static str, fn(&mut Snapshot));
     let arena = Arc::new(Arena::new(&Scenario::resolve("25m").expect("a scenario"), Rules::Smaclite));
-    let check = |change: fn(&mut Snapshot), expected: &str| {
+    let refused = |change: fn(&mut Snapshot)| {
         let mut battle = Battle::new(Arc::clone(&arena), 1);
-        let mut snapshot = battle.save();
+        let before = battle.save();
+        let mut snapshot = before.clone();
         change(&mut snapshot);
-        assert_eq!(battle.restore(&snapshot).expect_err(expected).to_string(), expected);
+        let error = battle.restore(&snapshot).expect_err("no battle has this").to_string();
+        assert_eq!(battle.save(), before, "a refused snapshot must change nothing: {error}");
+        error
     };
+    let check = |change: fn(&mut Snapshot), expected: &str| assert_eq!(refused(change), expected);
     check(
         |snapshot| snapshot.units.pos[7].x = 1e9,
         "snapshot column 'pos' must be between -16 and 48 for unit 7, got 1000000000",
@@ -483,6 +488,25 @@ fn a_value_out_of_range_is_named_with_its_column_unit_and_range() {
         |snapshot| snapshot.episode_return = 1.7e308,
         "snapshot column 'episode_return' must be between -1e36 and 1e36, got 1.7e308",
     );
+    let others: [Change; 13] = [
+        ("hp", |snapshot| snapshot.units.hp[7] = -1.0),
+        ("shield", |snapshot| snapshot.units.shield[7] = f64::NAN),
+        ("energy", |snapshot| snapshot.units.energy[7] = f64::INFINITY),
+        ("healing", |snapshot| snapshot.units.healing[7] = -1.0),
+        ("pos", |snapshot| snapshot.units.pos[7].y = f32::NAN),
+        ("vel", |snapshot| snapshot.units.vel[7].y = f32::NAN),
+        ("planned_vel", |snapshot| snapshot.units.planned_vel[7].x = f32::INFINITY),
+        ("episode_return", |snapshot| snapshot.episode_return = f64::NAN),
+        ("target", |snapshot| snapshot.units.target[7] = Some(50)),
+        ("alive", |snapshot| snapshot.units.alive.truncate(49)),
+        ("pos", |snapshot| snapshot.units.pos.push(glam::Vec2::ZERO)),
+        ("declared", |snapshot| snapshot.units.declared.truncate(49)),
+        ("neighbour_rank", |snapshot| snapshot.neighbour_order.planes[0].by_number.push(0)),
+    ];
+    for (column, change) in others {
+        let error = refused(change);
+        assert!(error.contains(&format!("'{column}'")), "{error}");
+    }
 }
 
 /// The columns of snapshots were in the order of the file's groups, which is enemies first in corridor and
