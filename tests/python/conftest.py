@@ -15,6 +15,9 @@ from pathlib import Path
 
 import pytest
 
+REPOSITORY = Path(__file__).resolve().parents[2]
+PROGRAM = [sys.executable, "-m", "smaclite_pool"]
+
 linux = pytest.mark.skipif(sys.platform != "linux", reason="it reads /proc")
 posix = pytest.mark.skipif(os.name != "posix", reason="this system has no signals, forks or shells")
 SERVES_OTHER_PROCESSES = sys.platform == "linux"
@@ -91,8 +94,7 @@ def serve(runtime_dir: Path) -> Iterator[Serve]:
     started: list[subprocess.Popen[str]] = []
 
     def start(*args: str) -> subprocess.Popen[str]:
-        command = [sys.executable, "-m", "smaclite_pool", "serve", *args]
-        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        process = subprocess.Popen([*PROGRAM, "serve", *args], stdout=subprocess.PIPE, text=True)
         started.append(process)
         assert process.stdout is not None
         for line in process.stdout:
@@ -118,10 +120,19 @@ def stop(server: subprocess.Popen[str]) -> None:
         time.sleep(0.001)
 
 
+def program(
+    *args: object, cwd: Path | None = None, check: bool = True, **env: str
+) -> subprocess.CompletedProcess[str]:
+    """Runs `smaclite-pool`; with `check`, it must succeed. `env` is added to the environment."""
+    command, env = [*PROGRAM, *map(str, args)], {**os.environ, **env}
+    done = subprocess.run(command, cwd=cwd, env=env, capture_output=True, text=True, timeout=300, check=False)
+    assert not check or done.returncode == 0, done.stdout + done.stderr
+    return done
+
+
 def replayed(path: Path) -> str:
     """What `smaclite-pool replay` prints about a replay; every tick of it was played again."""
-    command = [sys.executable, "-m", "smaclite_pool", "replay", str(path)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=100, check=True).stdout
+    return program("replay", path).stdout
 
 
 def run_script(text: str, *args: str) -> subprocess.CompletedProcess[str]:

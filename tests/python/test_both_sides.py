@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +9,7 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 
-from conftest import Serve, serves_other_processes
-
-PROGRAM = [sys.executable, "-m", "smaclite_pool"]
+from conftest import Serve, program, replayed, serves_other_processes
 
 
 def test_the_enemies_have_fields_of_their_own() -> None:
@@ -70,8 +66,7 @@ def test_a_second_side_that_no_learner_plays_is_an_error() -> None:
 
 @serves_other_processes
 def test_serve_refuses_a_second_side_that_no_learner_plays() -> None:
-    serve = [*PROGRAM, "serve", "3m:1", "--name", "never", "--sides", "both", "--opponent", "kite"]
-    done = subprocess.run(serve, capture_output=True, text=True, check=False)
+    done = program("serve", "3m:1", "--name=never", "--sides=both", "--opponent=kite", check=False)
     assert done.returncode != 0 and "sides `both` needs opponent `learner`" in done.stderr
 
 
@@ -135,8 +130,7 @@ def test_snapshots_and_replays_have_both_sides(tmp_path: Path) -> None:
         assert (envs.step(actions).enemy_obs == expected).all()
         for _ in range(60):
             batch = envs.step(envs.sample_actions())
-    run = subprocess.run([*PROGRAM, "replay", file], capture_output=True, text=True, check=False)
-    assert run.returncode == 0, run.stderr + run.stdout
+    replayed(file)
 
 
 @pytest.mark.parametrize("served", [False, True])
@@ -159,5 +153,5 @@ def test_the_options_of_both_sides_have_an_effect(served: bool, serve: Serve) ->
 
 @serves_other_processes
 def test_serve_refuses_a_mirror_of_one_side() -> None:
-    refused = subprocess.run([*PROGRAM, "serve", "3m:4", "--mirror"], capture_output=True, text=True)
+    refused = program("serve", "3m:4", "--mirror", check=False)
     assert refused.returncode != 0 and "options of sides `both`" in refused.stderr

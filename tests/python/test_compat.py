@@ -22,7 +22,7 @@ from gymnasium.wrappers import TimeLimit
 from smaclite_pool import compat
 from smaclite_pool._render import Window
 
-from conftest import posix, run_script
+from conftest import REPOSITORY, posix, run_script
 
 GOLDEN = Path(__file__).resolve().parents[1] / "golden" / "steps"
 
@@ -171,7 +171,7 @@ def test_spaces_are_those_of_the_published_environment() -> None:
 
 
 def test_observations_of_drawn_teams_are_in_their_space() -> None:
-    path = Path(__file__).parents[2] / "scenarios/data/zerg_5_vs_5.json"
+    path = REPOSITORY / "scenarios/data/zerg_5_vs_5.json"
     env: Any = gymnasium.make("smaclite/custom-v0", map_file=path, seed=1).unwrapped
     env.action_space.seed(0)
     for _ in range(5):
@@ -186,7 +186,7 @@ def test_observations_of_drawn_teams_are_in_their_space() -> None:
 
 def test_all_available_actions_of_drawn_teams_are_in_their_space() -> None:
     """Which agent is a healer is drawn; a space of one sample of the teams would lack its targets."""
-    path = Path(__file__).parents[2] / "scenarios/data/terran_5_vs_5.json"
+    path = REPOSITORY / "scenarios/data/terran_5_vs_5.json"
     env: Any = gymnasium.make("smaclite/custom-v0", map_file=path, seed=1).unwrapped
     sizes = {int(space.n) for space in env.action_space.spaces}
     assert sizes == {env.n_actions}

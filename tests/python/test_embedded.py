@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import copy
 import pickle
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import smaclite_pool as sp
 
-from conftest import Serve, run_script
-
-REPOSITORY = Path(__file__).resolve().parents[2]
+from conftest import REPOSITORY, Serve, run_script
 
 
 def test_a_batch_has_the_fields_that_the_lane_declares() -> None:

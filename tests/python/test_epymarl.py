@@ -19,7 +19,7 @@ import smaclite_pool as sp
 from smaclite_pool.marl.epymarl import PoolRunner
 from smaclite_pool.marl.smac import MultiAgentEnv
 
-from conftest import Serve, replayed
+from conftest import REPOSITORY, Serve, replayed
 
 torch = pytest.importorskip("torch")
 
@@ -236,7 +236,7 @@ def test_only_last_actions_are_left_out(
     options: dict[str, bool], expected: tuple[int, int], tmp_path: Path
 ) -> None:
     file = tmp_path / "mine.json"
-    content = json.loads((Path(__file__).parents[2] / "scenarios/data/terran_5_vs_5.json").read_text())
+    content = json.loads((REPOSITORY / "scenarios/data/terran_5_vs_5.json").read_text())
     file.write_text(json.dumps({**content, "smacv2": {**content["smacv2"], **options}}))
     sizes = []
     for with_last_action in (False, True):

@@ -17,7 +17,7 @@ import smaclite_pool as sp
 from numpy.typing import NDArray
 from smaclite_pool.integrations.gymnasium import BattleEnv
 
-from conftest import run_script
+from conftest import REPOSITORY, run_script
 
 
 @pytest.fixture
@@ -359,7 +359,7 @@ def test_a_batch_is_no_tuple(envs: sp.Envs, tmp_path: Path) -> None:
 
 def test_what_is_probably_a_mistake_in_a_scenario_is_a_warning(tmp_path: Path) -> None:
     path = tmp_path / "wall.json"
-    text = (Path(__file__).parents[2] / "scenarios/data/3m.json").read_text()
+    text = (REPOSITORY / "scenarios/data/3m.json").read_text()
     path.write_text(text.replace('"x": 9, "y": 16', '"x": 9, "y": 28'))
     with pytest.warns(
         UserWarning, match=r"wall.json:6:9: `groups\[0\]` puts a MARINE at .* on a blocked square"

@@ -19,9 +19,9 @@ from typing import Any, NamedTuple
 import pytest
 import smaclite_pool as sp
 
-from conftest import SERVES_ITSELF, SERVES_OTHER_PROCESSES, posix
+from conftest import PROGRAM, REPOSITORY, SERVES_ITSELF, SERVES_OTHER_PROCESSES, posix, program
 
-PAGE = Path(__file__).resolve().parents[2] / "docs/reference/cli.md"
+PAGE = REPOSITORY / "docs/reference/cli.md"
 
 FILE = "FILE"
 READERS: dict[str, dict[str, list[str]]] = {
@@ -116,11 +116,6 @@ class Result(NamedTuple):
     output: str
 
 
-def program(*arguments: str, folder: Path) -> None:
-    argv = [sys.executable, "-m", "smaclite_pool", *arguments]
-    subprocess.run(argv, cwd=folder, check=True, capture_output=True, timeout=100)
-
-
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with what is written."""
@@ -139,7 +134,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
         "tournament hold line --scenario 3m --episodes 2 --out tournament",
     ]
     for command in commands:
-        program(*command.split(), folder=folder)
+        program(*command.split(), cwd=folder)
     return folder
 
 
@@ -182,7 +177,7 @@ def read_by(argv: list[str], folder: Path) -> Result:
         code = f"import smaclite_pool as sp\n{argv[1].replace(FILE, repr(argv[2]))}"
         whole = [sys.executable, "-c", code]
     else:
-        whole = [sys.executable, "-m", "smaclite_pool", *argv]
+        whole = [*PROGRAM, *argv]
     pipe, both = subprocess.PIPE, subprocess.STDOUT
     with subprocess.Popen(whole, cwd=folder, stdout=pipe, stderr=both, text=True) as process:
         assert process.stdout is not None

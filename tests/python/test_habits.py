@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import copy
 import pickle
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -17,6 +15,8 @@ from typing import Any
 import numpy as np
 import pytest
 import smaclite_pool as sp
+
+from conftest import program
 
 Call = Callable[[Any], object]
 
@@ -108,9 +108,8 @@ def test_the_length_of_environments_is_their_number(lane: sp.Envs) -> None:
 
 def test_a_dataset_says_that_it_is_expanded_first(tmp_path: Path) -> None:
     file = tmp_path / "k.smdata"
-    arguments = ["dataset", "record", "nearest", "--scenario", "3m", "--episodes", "2", "--out", str(file)]
     # In this process it would leave its handlers of signals.
-    subprocess.run([sys.executable, "-m", "smaclite_pool", *arguments], capture_output=True, check=True)
+    program("dataset", "record", "nearest", "--scenario", "3m", "--episodes", "2", "--out", file)
     dataset: Any = sp.Dataset(file)
     with pytest.raises(TypeError, match=r'use expand\(\)\["obs"\]'):
         dataset["obs"]

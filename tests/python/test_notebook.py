@@ -8,7 +8,9 @@ from typing import Any
 
 import pytest
 
-NOTEBOOK = Path(__file__).resolve().parents[2] / "docs/tutorials/notebook.ipynb"
+from conftest import REPOSITORY
+
+NOTEBOOK = REPOSITORY / "docs/tutorials/notebook.ipynb"
 
 
 def code_cells(notebook: dict[str, Any]) -> list[dict[str, Any]]:

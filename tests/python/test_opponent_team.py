@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -16,9 +14,8 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 
-from conftest import Serve, replayed, serves_other_processes
+from conftest import Serve, program, replayed, serves_other_processes
 
-PROGRAM = [sys.executable, "-m", "smaclite_pool"]
 SEEN = ("obs", "state", "avail_actions", "alive", "reward", "terminated", "truncated", "dead_enemies")
 FIELDS = [*SEEN, "battle_won", "episode_return", "episode_length", "dead_allies", "opponent", "snapshot"]
 
@@ -54,7 +51,7 @@ def decided(tmp_path: Path) -> Path:
     """The folder of a team whose most probable action has all the probability: what it draws is what
     `greedy` takes, so actions that are drawn here and there can be compared."""
     folder = tmp_path / "decided"
-    subprocess.run([*PROGRAM, "zoo", "--export", "3m", str(folder)], check=True, capture_output=True)
+    program("zoo", "--export", "3m", folder)
     file = folder / "best.safetensors"
     content = file.read_bytes()
     length = int.from_bytes(content[:8], "little")
@@ -165,9 +162,7 @@ def test_a_served_lane_shows_the_same_bits(serve: Serve) -> None:
     with sp.connect("arena") as envs:
         assert envs.spec.opponent_team == "zoo:3m"
         assert_equal(rows_of(envs, envs.reset(seed=3), 120), play())
-    refused = subprocess.run(
-        [*PROGRAM, "train", "--pool", "arena", "--out", "run"], capture_output=True, text=True, check=False
-    )
+    refused = program("train", "--pool", "arena", "--out", "run", check=False)
     assert refused.returncode == 1 and "a trained team play the enemies in pool `arena`" in refused.stderr
 
 
@@ -222,8 +217,7 @@ def test_what_cannot_play_the_enemies_is_an_error(
 
 @serves_other_processes
 def test_serve_names_the_lane_of_a_team_that_does_not_fit() -> None:
-    command = [*PROGRAM, "serve", "3m:2", "8m:2", "--opponent", "zoo:3m"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = program("serve", "3m:2", "8m:2", "--opponent", "zoo:3m", check=False)
     assert done.returncode == 1 and "lane `8m:2`: opponent `zoo:3m`: the team was trained in" in done.stderr
 
 

@@ -12,14 +12,9 @@ from pathlib import Path
 import pytest
 import smaclite_pool as sp
 
-from conftest import Serve, linux, posix
+from conftest import Serve, linux, posix, program
 
 pytestmark = [linux, posix]
-
-
-def clean() -> None:
-    """Removes what a killed pool left."""
-    subprocess.run([sys.executable, "-m", "smaclite_pool", "clean"], check=True, capture_output=True)
 
 
 def test_the_scenario_is_not_that_of_another_pool_of_the_name(serve: Serve) -> None:
@@ -54,7 +49,7 @@ def test_closing_after_the_end_of_the_pool_is_no_error(serve: Serve, tmp_path: P
         envs.close()
     envs.close()
     assert not path.exists()
-    clean()
+    program("clean")  # what the killed pool left
 
 
 def test_a_forked_child_of_a_busy_learner_is_told_that_it_is_one() -> None:
@@ -115,4 +110,4 @@ def test_a_killed_pool_has_ended_although_a_child_of_its_process_lives() -> None
     finally:
         os.kill(child, signal.SIGKILL)
         killed.stdout.close()
-    clean()
+    program("clean")  # what the killed pool left

@@ -16,19 +16,12 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 
-from conftest import Serve, serves_other_processes
-
-REPOSITORY = Path(__file__).resolve().parents[2]
-
-
-def run(*command: str, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
-    argv = [sys.executable, *command]
-    return subprocess.run(argv, capture_output=True, text=True, timeout=100, check=False, cwd=cwd)
+from conftest import PROGRAM, Serve, program, serves_other_processes
 
 
 def test_the_program_runs_as_a_module_and_as_a_script() -> None:
-    module = run("-m", "smaclite_pool", "scenarios")
-    assert module.returncode == 0 and all(name in module.stdout for name in sp.scenarios())
+    module = program("scenarios")
+    assert all(name in module.stdout for name in sp.scenarios())
     script = Path(sysconfig.get_path("scripts")) / "smaclite-pool"
     done = subprocess.run([script, "scenarios"], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (0, module.stdout)
@@ -37,28 +30,24 @@ def test_the_program_runs_as_a_module_and_as_a_script() -> None:
 def test_standard_scenarios_do_not_read_unit_files_of_the_working_directory(tmp_path: Path) -> None:
     # 6h_vs_8z has hydralisks; in scenario files, a unit file of that name replaces the standard type.
     (tmp_path / "HYDRALISK.json").write_text("not a unit")
-    listed = run("-m", "smaclite_pool", "scenarios", cwd=tmp_path)
-    assert listed.returncode == 0 and "so_many_baneling" in listed.stdout, listed.stderr
+    assert "so_many_baneling" in program("scenarios", cwd=tmp_path).stdout
 
 
 @serves_other_processes
 def test_bench_starts_its_second_process_in_the_same_virtual_environment() -> None:
     # The interpreter's link was followed to the system's Python, which does not have this package.
     options = ["--mode", "attached", "--num-envs", "2", "--seconds", "0.1"]
-    done = run("-m", "smaclite_pool", "bench", "2s3z", *options)
-    assert done.returncode == 0 and "attached" in done.stdout, done.stderr
+    assert "attached" in program("bench", "2s3z", *options).stdout
 
 
 def test_exit_codes_distinguish_usage_errors_from_failures() -> None:
-    assert run("-m", "smaclite_pool", "nonsense").returncode == 2
-    failed = run("-m", "smaclite_pool", "status", "absent")
+    assert program("nonsense", check=False).returncode == 2
+    failed = program("status", "absent", check=False)
     assert failed.returncode == 1 and "absent" in failed.stderr and "Traceback" not in failed.stderr
 
 
 def test_doctor_knows_the_versions_of_python_and_numpy() -> None:
-    done = run("-m", "smaclite_pool", "doctor", "--json")
-    assert done.returncode == 0, done.stdout + done.stderr
-    run_by = json.loads(done.stdout)["facts"]["run by"]
+    run_by = json.loads(program("doctor", "--json").stdout)["facts"]["run by"]
     assert f"NumPy {np.__version__}" in run_by and f"Python {platform.python_version()}" in run_by
 
 
@@ -73,14 +62,14 @@ def test_completions_run_the_script_of_the_virtual_environment() -> None:
     asked = subprocess.run(command, env=asking, capture_output=True, text=True, check=True)
     assert asked.stdout == "2s3z"
     # A module has no path that a shell could run.
-    assert '"smaclite-pool" -- ' in run("-m", "smaclite_pool", "completions", "bash").stdout
+    assert '"smaclite-pool" -- ' in program("completions", "bash").stdout
 
 
 def test_serve_ends_cleanly_with_ctrl_c(serve: Serve) -> None:
     server = serve("2s3z:4", "--name", "train")
     with sp.connect("train") as envs:
         envs.reset()
-        listed = run("-m", "smaclite_pool", "list", "--json")
+        listed = program("list", "--json")
         assert json.loads(listed.stdout)["pool"] == "train"
     server.send_signal(signal.SIGINT)
     assert server.wait(30) == 0
@@ -102,7 +91,7 @@ def test_an_interrupted_recording_is_written_and_has_the_status_of_its_signal(
     out = tmp_path / "a.smreplay"
     with sp.connect("train") as envs:
         envs.reset(seed=1)
-        argv = [sys.executable, "-m", "smaclite_pool", "record", "--pool", "train", "--episodes", "10000"]
+        argv = [*PROGRAM, "record", "--pool", "train", "--episodes", "10000"]
         recorder = subprocess.Popen(
             [*argv, "--out", str(out)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         )
@@ -142,14 +131,14 @@ def test_who_has_no_standard_streams_harms_no_pool(user: str, serve: Serve, tmp_
 def test_a_pool_of_both_sides_says_why_it_is_not_trained_on(serve: Serve, tmp_path: Path) -> None:
     """The reason was said to be the field `opponent`, though the lane served all fields."""
     serve("3m:2", "--name", "arena", "--sides", "both", "--mirror")
-    out = str(tmp_path / "run")
-    done = run("-m", "smaclite_pool", "train", "3m", "--pool", "arena", "--out", out)
+    done = program("train", "3m", "--pool", "arena", "--out", tmp_path / "run", check=False)
     assert done.returncode == 1 and "without --sides both" in done.stderr, done.stderr
 
 
 def test_the_example_plays() -> None:
-    example = ["-m", "smaclite_pool.examples.random_policy"]
-    done = run(*example, "2s3z", "--num-envs", "16", "--seconds", "0.5")
-    assert done.returncode == 0, done.stderr
+    example = [sys.executable, "-m", "smaclite_pool.examples.random_policy"]
+    command = [*example, "2s3z", "--num-envs", "16", "--seconds", "0.5"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=100, check=True)
     assert "steps/s" in done.stdout and "mean return" in done.stdout
-    assert "did you mean `2s3z`" in run(*example, "2s3").stderr
+    failed = subprocess.run([*example, "2s3"], capture_output=True, text=True, timeout=100, check=False)
+    assert "did you mean `2s3z`" in failed.stderr

@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 
-from conftest import left_over
+from conftest import left_over, program
 
 ray = pytest.importorskip("ray")
 
@@ -47,7 +47,7 @@ def cluster() -> Iterator[Cluster]:
         yield cluster
         ray.shutdown()
         cluster.shutdown()
-        subprocess.run([sys.executable, "-m", "smaclite_pool", "clean"], check=True)  # Ray kills actors
+        program("clean")  # Ray kills actors
     left = left_over(root)
     shutil.rmtree(root)
     assert not left

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
-README = (ROOT / "README.md").read_text()
-PROGRAM = [sys.executable, "-m", "smaclite_pool"]
+from conftest import PROGRAM, REPOSITORY
+
+README = (REPOSITORY / "README.md").read_text()
 
 
 def blocks(language: str) -> list[str]:
@@ -96,4 +96,4 @@ def test_every_command_of_the_program_is_listed(environment: dict[str, str]) -> 
 
 def test_ci_runs_the_test_command() -> None:
     [command] = [line for block in blocks("sh") for line in block.splitlines() if line.endswith("just test")]
-    assert f"\n    {command}\n" in (ROOT / ".ci" / "run").read_text()
+    assert f"\n    {command}\n" in (REPOSITORY / ".ci" / "run").read_text()

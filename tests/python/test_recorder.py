@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ import pytest
 import smaclite_pool as sp
 from smaclite_pool.integrations.pettingzoo import parallel_env
 
-from conftest import Serve, posix, replayed
+from conftest import PROGRAM, Serve, posix, replayed
 
 
 def play(envs: sp.Envs, n_steps: int) -> list[tuple[float, int]]:
@@ -80,7 +79,7 @@ def test_what_was_recorded_outlives_the_pool(serve: Serve, tmp_path: Path) -> No
 def test_the_command_records_a_running_pool(serve: Serve, tmp_path: Path) -> None:
     serve("3m:2", "--name", "train")
     path = tmp_path / "train.smreplay"
-    command = [sys.executable, "-m", "smaclite_pool", "record", "--pool", "train", "--out", str(path)]
+    command = [*PROGRAM, "record", "--pool", "train", "--out", str(path)]
     options = ["--env", "0", "--env", "1", "--episodes", "3"]
     with (
         sp.connect("train") as envs,

@@ -4,29 +4,20 @@ from __future__ import annotations
 
 import csv
 import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from conftest import program
+
 processing = pytest.importorskip("marl_eval.utils.data_processing_utils")
 diagnosis = pytest.importorskip("marl_eval.utils.diagnose_data_errors")
 metrics = pytest.importorskip("rliable.metrics")
 
 SEEDS, STEPS, EVERY = 3, 20_000, 5_000
-PROGRAM = [sys.executable, "-m", "smaclite_pool"]
 NORMALISED = ["return"]
-
-
-def run(folder: Path, command: str) -> str:
-    done = subprocess.run(
-        [*PROGRAM, *command.split()], cwd=folder, capture_output=True, text=True, timeout=300, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    return done.stdout
 
 
 @pytest.fixture(scope="module")
@@ -35,9 +26,10 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("benchmark")
     train = f"--seeds {SEEDS} --steps {STEPS} --evaluate-every {EVERY}"
     for scenario in ("3m", "2m_vs_1z"):
-        run(folder, f"train {scenario} --out runs/ippo/{scenario} {train}")
-        run(folder, f"train {scenario} --out runs/MAPPO/{scenario} --algorithm mappo {train}")
-    run(folder, "report runs/ippo runs/MAPPO --out report --actions sampled")
+        program(*f"train {scenario} --out runs/ippo/{scenario} {train}".split(), cwd=folder)
+        mappo = f"train {scenario} --out runs/MAPPO/{scenario} --algorithm mappo {train}"
+        program(*mappo.split(), cwd=folder)
+    program(*["report", "runs/ippo", "runs/MAPPO", "--out", "report", "--actions", "sampled"], cwd=folder)
     return folder / "report"
 
 

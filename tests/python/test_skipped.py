@@ -6,7 +6,9 @@ import subprocess
 import sys
 from pathlib import Path
 
-SCRIPT = Path(__file__).resolve().parents[2] / ".ci/skipped.py"
+from conftest import REPOSITORY
+
+SCRIPT = REPOSITORY / ".ci/skipped.py"
 RAN = "ran\ttests/python/test_a.py::test_one\t\n"
 ABSENT = "skipped\ttests/python/test_b.py\tSkipped: could not import 'jax.numpy': No module named 'jax'\n"
 PAGE = "skipped\ttests/python/test_docs.py::test_page[a.md]\tSkipped: not installed: torchrl, jax\n"

@@ -13,7 +13,7 @@ import smaclite_pool as sp
 from smaclite_pool.marl.on_policy import ShareVecEnv
 from smaclite_pool.marl.smac import Direction, MultiAgentEnv, Unavailable, get_map_params
 
-from conftest import replayed
+from conftest import REPOSITORY, replayed
 
 # All options of SMAC with their defaults.
 SMAC_DEFAULTS: dict[str, object] = {
@@ -260,7 +260,7 @@ def test_the_opponent_is_the_scenarios_own() -> None:
 
 
 def test_parts_of_observations_that_smac_does_not_have_are_refused(tmp_path: Path) -> None:
-    files = Path(__file__).parents[2] / "scenarios" / "data"
+    files = REPOSITORY / "scenarios" / "data"
     scenario = json.loads((files / "zerg_5_vs_5.json").read_text())
     scenario["smacv2"]["obs_timestep_number"] = True
     path = tmp_path / "timed.json"

@@ -16,6 +16,7 @@ from smaclite_pool.marl.smacv2 import StarCraft2Env, Unavailable
 from smaclite_pool.marl.smacv2.names import FeatureNames
 from smaclite_pool.marl.smacv2.scenario import scenario_of
 
+from conftest import REPOSITORY
 from smacv2_kit import RACES, SMACV2_DEFAULTS, UNIFORM, standard
 
 # --- Names and tables
@@ -126,7 +127,7 @@ def accepted(scenario: dict[str, Any], folder: Path) -> Any:
 @pytest.mark.parametrize("race", RACES)
 def test_the_standard_files_are_the_generated_scenarios(race: str, tmp_path: Path) -> None:
     ours = scenario_of(f"10gen_{race}", standard(race), {"use_unit_ranges": True, "obs_own_pos": True})
-    folder = Path(__file__).resolve().parents[2] / "scenarios" / "data"
+    folder = REPOSITORY / "scenarios" / "data"
     generated = json.loads((folder / f"{race}_5_vs_5.json").read_text())
     expected = {**generated, "smacv2": {**generated["smacv2"], "observe_team": True}}
     assert ours == expected

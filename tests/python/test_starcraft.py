@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
@@ -14,7 +12,7 @@ import smaclite_pool as sp
 from smaclite_pool._layout import field_bounds
 from smaclite_pool.marl import smac
 
-from conftest import Serve, replayed
+from conftest import Serve, program, replayed
 
 Rules: TypeAlias = Literal["smaclite", "starcraft"]
 FIELDS = ["obs", "state", "avail_actions", "alive", "snapshot"]
@@ -70,9 +68,7 @@ def test_replays_and_runs_name_the_version_and_play_again(tmp_path: Path) -> Non
     # Every tick is played again; the returns are compared.
     assert "starcraft-1" in replayed(file)
     run = tmp_path / "run"
-    command = [sys.executable, "-m", "smaclite_pool", "train", "3m", "--rules", "starcraft"]
-    command += ["--steps", "4096", "--out", str(run)]
-    subprocess.run(command, check=True, capture_output=True, timeout=300)
+    program("train", "3m", "--rules", "starcraft", "--steps", "4096", "--out", run)
     assert json.loads((run / "run.json").read_text())["rules"] == "starcraft-1"
     team = sp.load_team(run, seed=0)
     with sp.make("3m", 4, **team.settings) as envs:

@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 import smaclite_pool as sp
 
-from conftest import Serve, linux, posix, run_script, stop
+from conftest import PROGRAM, Serve, linux, posix, run_script, stop
 
 
 class AlarmError(Exception):
@@ -137,7 +137,7 @@ def test_a_signal_ends_a_command_that_waits_for_a_stopped_pool(
         "train": ["--pool", "train", "--out", str(tmp_path / "run")],
     }[command]
     process = subprocess.Popen(
-        [sys.executable, "-m", "smaclite_pool", command, *options],
+        [*PROGRAM, command, *options],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

@@ -18,6 +18,8 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 
+from conftest import program
+
 torch = pytest.importorskip("torch")
 safetensors = pytest.importorskip("safetensors.torch")
 
@@ -183,13 +185,12 @@ def test_the_value_of_a_qmix_team_rises_with_those_of_its_agents() -> None:
 
 def test_defaults_and_weights_are_those_of_the_program(tmp_path: Path) -> None:
     """So the two can be compared, and a folder of `smaclite-pool train` evaluates the team."""
-    program = [sys.executable, "-m", "smaclite_pool"]
     for algorithm, network in product(("mappo", "ippo"), ("flat", "units")):
         learner, _ = train(ppo, tmp_path / network, algorithm, network=network, steps=1_000)
         weights = safetensors.load_file(tmp_path / f"{network}/3m-{algorithm}-0/weights.safetensors")
         folder = tmp_path / f"program-{algorithm}-{network}"
-        command = ["train", "3m", "--algorithm", algorithm, "--network", network, "--steps", "1"]
-        subprocess.run([*program, *command, "--out", str(folder)], check=True, capture_output=True)
+        options = ["--algorithm", algorithm, "--network", network, "--steps", "1"]
+        program("train", "3m", *options, "--out", folder)
 
         config = json.loads((folder / "run.json").read_text())["config"]
         assert options_as_in_config(replace(learner.options, steps=1), config) == config
@@ -199,10 +200,7 @@ def test_defaults_and_weights_are_those_of_the_program(tmp_path: Path) -> None:
         expected = {name: tensor.shape for name, tensor in safetensors.load_file(file).items()}
         assert {name: tensor.shape for name, tensor in weights.items()} == expected
         safetensors.save_file(weights, file)
-        done = subprocess.run(
-            [*program, "evaluate", str(folder), "--episodes", "4"], check=True, capture_output=True, text=True
-        )
-        assert "mean return" in done.stdout
+        assert "mean return" in program("evaluate", folder, "--episodes", "4").stdout
 
 
 def options_as_in_config(options: ppo.Options, config: dict[str, Any]) -> dict[str, Any]:
@@ -213,8 +211,8 @@ def options_as_in_config(options: ppo.Options, config: dict[str, Any]) -> dict[s
 @pytest.mark.parametrize("scenario", ["3m", "8m", "MMM", "zerg_5_vs_5", "protoss_10_vs_11"])
 def test_defaults_of_a_scenario_are_those_of_the_program(scenario: str, tmp_path: Path) -> None:
     """They depend on the number of agents, and on whether teams are drawn."""
-    command = ["-m", "smaclite_pool", "train", scenario, "--steps", "1", "--num-envs", "4", "--horizon", "8"]
-    subprocess.run([sys.executable, *command, "--out", str(tmp_path / "a")], check=True, capture_output=True)
+    small = ["--steps", "1", "--num-envs", "4", "--horizon", "8"]
+    program("train", scenario, *small, "--out", tmp_path / "a")
     config = json.loads((tmp_path / "a" / "run.json").read_text())["config"]
     options = ppo.with_defaults(ppo.Options(scenario, steps=1, num_envs=4, horizon=8))
     assert options_as_in_config(options, config) == config
@@ -330,8 +328,8 @@ def test_networks_over_units_need_units_and_two_widths() -> None:
 def test_the_critic_of_small_fixed_teams_sees_an_observation(scenario: str, tmp_path: Path) -> None:
     """By default, as that of the program."""
     ppo.train(ppo.Options(scenario=scenario, steps=1, num_envs=2, horizon=2, out=str(tmp_path)))
-    command = ["train", scenario, "--steps", "1", "--num-envs", "2", "--horizon", "2", "--out", "program"]
-    subprocess.run([sys.executable, "-m", "smaclite_pool", *command], check=True, cwd=tmp_path)
+    small = ["--steps", "1", "--num-envs", "2", "--horizon", "2"]
+    program("train", scenario, *small, "--out", "program", cwd=tmp_path)
     config = json.loads((tmp_path / "program/run.json").read_text())["config"]
     assert (tmp_path / f"{scenario}-{config['algorithm']}-0/options.json").is_file()
     assert config["algorithm"] == ("ippo" if scenario == "3s_vs_5z" else "mappo")
@@ -352,24 +350,14 @@ def test_evaluations_are_those_of_the_program_and_change_no_bit(
     folder = tmp_path / f"runs/3m-{algorithm}-3"
     assert not (tmp_path / f"without/3m-{algorithm}-3/evaluations.csv").exists()
 
-    command = [sys.executable, "-m", "smaclite_pool"]
     small = "--steps 4500 --evaluate-every 2000 --num-envs 8 --horizon 16 --hidden 16,16 --seed 3"
-    program = [*command, "train", "3m", "--out", str(tmp_path / "program"), *small.split()]
-    subprocess.run(program, check=True, capture_output=True)
+    program("train", "3m", "--out", tmp_path / "program", *small.split())
     header = (folder / "evaluations.csv").read_text().splitlines()[0]
     assert header == (tmp_path / "program/evaluations.csv").read_text().splitlines()[0]
     assert json.loads((folder / "final.json").read_text()).keys() == (
         json.loads((tmp_path / "program/final.json").read_text()).keys()
     )
-    report = [
-        *command,
-        "report",
-        str(tmp_path / "runs"),
-        str(tmp_path / "program"),
-        "--out",
-        str(tmp_path / "out"),
-    ]
-    subprocess.run(report, check=True, capture_output=True)
+    program("report", tmp_path / "runs", tmp_path / "program", "--out", tmp_path / "out")
     with (tmp_path / "out/runs.csv").open() as file:
         ours, theirs = csv.DictReader(file)
     assert (ours["algorithm"], ours["task"], ours["seed"]) == ("runs", "3m", "3")

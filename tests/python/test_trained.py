@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +10,7 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 
+from conftest import program
 from differential import scenarios, trained
 from differential.battles import Frame, PoolBattle, PublishedFailure
 from differential.examine import Published
@@ -28,13 +27,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequ
     """A run that has learnt a little, so that its choices are not all alike."""
     folder: Path = tmp_path_factory.mktemp("runs") / "3m"
     options = ["--network", request.param, "--steps", "20000", "--seed", "1"]
-    run_program("train", "3m", *options, "--out", str(folder))
+    program("train", "3m", *options, "--out", folder)
     return folder
-
-
-def run_program(*arguments: str) -> str:
-    command = [sys.executable, "-m", "smaclite_pool", *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=100, check=True).stdout
 
 
 def plan(folder: Path, greedy: bool = False) -> trained.Plan:
@@ -80,7 +74,7 @@ class FailingBattle(PoolBattle):
 def test_the_team_in_numpy_plays_as_in_the_program(folder: Path) -> None:
     """With the most probable actions, the same seeds give the same episodes."""
     numbers = ["--episodes", str(EPISODES), "--seed", str(SEED)]
-    lines = run_program("evaluate", str(folder), *numbers, "--greedy", "--json").splitlines()
+    lines = program("evaluate", folder, *numbers, "--greedy", "--json").stdout.splitlines()
     *episodes, result = map(json.loads, lines)
     assert result["mean_length"] > 5
     played = [
@@ -144,7 +138,7 @@ def test_a_team_of_a_custom_scenario_plays_by_its_files_and_limit(tmp_path: Path
     own = {"name": "mine", "episode_limit": 9, "custom_unit_path": "."}
     (tmp_path / "mine.json").write_text(json.dumps({**scenario, **own}))
     run = tmp_path / "run"
-    run_program("train", str(tmp_path / "mine.json"), "--steps", "1000", "--seed", "1", "--out", str(run))
+    program("train", tmp_path / "mine.json", "--steps", "1000", "--seed", "1", "--out", run)
     for file in ("scout.json", "mine.json"):
         (tmp_path / file).unlink()  # the run has all that is needed
     custom = plan(run)

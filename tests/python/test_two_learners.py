@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from conftest import Serve
+from conftest import REPOSITORY, Serve
 
-PAGE = Path(__file__).resolve().parents[2] / "docs/how-to/self-play.md"
+PAGE = REPOSITORY / "docs/how-to/self-play.md"
 POOL = ["3m:16", "--sides", "both", "--mirror", "--name", "arena"]
 
 

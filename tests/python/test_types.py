@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import smaclite_pool as sp
 
-REPOSITORY = Path(__file__).resolve().parents[2]
+from conftest import REPOSITORY
 
 
 def run(*command: str) -> subprocess.CompletedProcess[str]:
