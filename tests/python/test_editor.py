@@ -5,51 +5,29 @@ from __future__ import annotations
 import json
 import shutil
 import subprocess
-import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
-from test_page import PROGRAM, REPOSITORY, browser, pytestmark
+from conftest import PROGRAM, REPOSITORY, program
+from pages import PHONE, SIDE, WINDOW, AnyPage, browser, pytestmark
 
 __all__ = ["browser", "pytestmark"]  # a fixture and marks that pytest finds here
 
-if TYPE_CHECKING:
-    from typing_extensions import Self
-
-SIDE = 32
 PAGE = REPOSITORY / "target/playground/editor.html"
-PHONE: dict[str, Any] = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
 
 
-def run(*args: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([*PROGRAM, *args], capture_output=True, text=True, timeout=100)
+class EditorPage(AnyPage):
+    """The page of an editor."""
 
-
-class EditorPage:
-    """The page of an editor, which must not report an error."""
+    MAP = "#map"
 
     def __init__(self, browser: Any, url: str, state: str = "Valid", **options: Any) -> None:
-        options = {"viewport": {"width": 1280, "height": 800}, "color_scheme": "dark", **options}
-        self.page = browser.new_page(**options)
-        self.problems: list[str] = []
-        self.page.on("console", lambda message: self.problems.append(message.text))
-        self.page.on("pageerror", lambda error: self.problems.append(str(error)))
-        self.page.on("dialog", self.answer)
         self.questions: list[str] = []
         self.agrees = True
-        self.page.goto(url)
-        self.page.wait_for_selector("html[data-ready]", state="attached", timeout=60_000)
+        super().__init__(browser.new_page(**WINDOW | options), url, dialog=self.answer)
         self.wait_for_state(state)
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.page.close()
-        assert self.problems == []
 
     def answer(self, dialog: Any) -> None:
         self.questions.append(dialog.message)
@@ -61,36 +39,11 @@ class EditorPage:
         self.field("name").fill(name)
         self.settle()
 
-    def settle(self) -> None:
-        """Waits until two more pictures are drawn."""
-        self.page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
-
-    def wait(self, is_done: Callable[[], bool]) -> None:
-        end = time.monotonic() + 60
-        while not is_done():
-            assert time.monotonic() < end, self.page.inner_text("#problems")
-            self.settle()
-
     def wait_for_state(self, text: str) -> None:
         self.wait(lambda: str(self.page.inner_text("#state")) == text)
 
-    def press(self, *keys: str) -> None:
-        for key in keys:
-            self.page.keyboard.press(key)
-        self.settle()
-
     def tab(self, name: str) -> None:
         self.page.click(f"[data-tab={name}]")
-
-    def at(self, x: float, y: float) -> tuple[float, float]:
-        """Where a point of a map of 32 x 32 squares is in the window: with 8 pixels around the map."""
-        box = self.page.locator("#map").bounding_box()
-        scale = (min(box["width"], box["height"]) - 16) / SIDE
-        middle = SIDE / 2
-        return (
-            box["x"] + box["width"] / 2 + (x - middle) * scale,
-            box["y"] + box["height"] / 2 - (y - middle) * scale,
-        )
 
     def drag(self, start: tuple[float, float], end: tuple[float, float], **options: Any) -> None:
         self.page.mouse.move(*self.at(*start))
@@ -230,8 +183,7 @@ def test_a_scenario_is_edited_played_and_saved(browser: Any, file: Path) -> None
         editor.press("ControlOrMeta+s")
         editor.wait(lambda: "Saved mine.json" in editor.page.inner_text("#message"))
     assert file.read_text() == edited
-    checked = run("check", str(file))
-    assert checked.returncode == 0 and "5 agents against 6 enemies" in checked.stdout, checked
+    assert "5 agents against 6 enemies" in program("check", file).stdout
 
 
 def test_a_unit_type_is_made_and_used(browser: Any, file: Path) -> None:
@@ -275,8 +227,7 @@ def test_a_unit_type_is_made_and_used(browser: Any, file: Path) -> None:
     saved = json.loads((file.parent / "sniper.json").read_text())
     assert (saved["hp"], saved["attack_range"], saved["bonuses"]["LIGHT"]) == (100, 7, 3)
     assert saved["targeter_kwargs"] == {"radius": 1.5} and "PSIONIC" in saved["attributes"]
-    checked = run("check", str(file), str(file.parent / "sniper.json"))
-    assert checked.returncode == 0, checked
+    program("check", file, file.parent / "sniper.json")
 
 
 def test_units_inside_walls_are_warnings_and_can_be_played(browser: Any, file: Path) -> None:
@@ -491,8 +442,7 @@ def test_files_are_opened_and_downloaded(browser: Any, tmp_path: Path) -> None:
 def test_a_generated_scenario_file_is_opened_as_a_scenario(browser: Any, tmp_path: Path) -> None:
     """It has teams instead of groups, and was taken for a unit type."""
     file = tmp_path / "mine.json"
-    made = run("new", "scenario", str(file), "--generated", "--agents", "4xMARINE,1xMEDIVAC")
-    assert made.returncode == 0, made.stderr
+    program("new", "scenario", file, "--generated", "--agents", "4xMARINE,1xMEDIVAC")
     with Editor(browser) as editor:
         editor.page.set_input_files("#files", file)
         editor.wait(lambda: str(editor.page.inner_text("h1")) == "mine")
@@ -773,5 +723,4 @@ def test_the_editor_needs_no_program(browser: Any, tmp_path: Path) -> None:
         with editor.page.expect_download() as download:
             editor.page.click("#save")
         download.value.save_as(tmp_path / "own.json")
-    checked = run("check", str(tmp_path / "own.json"))
-    assert checked.returncode == 0 and "3 agents against 2 enemies" in checked.stdout, checked
+    assert "3 agents against 2 enemies" in program("check", tmp_path / "own.json").stdout

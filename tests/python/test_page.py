@@ -2,29 +2,15 @@
 
 from __future__ import annotations
 
-import shutil
-import subprocess
-import sys
-import time
-from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-playwright = pytest.importorskip(
-    "playwright.sync_api", reason="playwright is not installed; see `just test-page`"
-)
+from conftest import program
+from pages import TICKS_PER_STEP, WINDOW, BattlePage, browser, pytestmark
 
-REPOSITORY = Path(__file__).resolve().parents[2]
-PROGRAM = [sys.executable, "-m", "smaclite_pool"]
-BROWSERS = ("chromium", "chromium-browser", "google-chrome")
-BROWSER = next(filter(None, map(shutil.which, BROWSERS)), None)
-TICKS_PER_STEP = 8
-
-pytestmark = [
-    pytest.mark.skipif(BROWSER is None, reason=f"no browser: none of {', '.join(BROWSERS)} is in PATH"),
-]
+__all__ = ["browser", "pytestmark"]  # a fixture and marks that pytest finds here
 
 
 @pytest.fixture(scope="module")
@@ -32,99 +18,26 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with 2s3z.html, of three episodes, and others."""
     folder = tmp_path_factory.mktemp("pages")
     for name, episodes in {"2s3z": 3, "27m_vs_30m": 1, "MMM": 1, "bane_vs_bane": 1, "2c_vs_64zg": 1}.items():
-        replay, page = str(folder / f"{name}.smreplay"), str(folder / f"{name}.html")
-        record = ["record", name, "--policy", "nearest", "--episodes", str(episodes), "--seed", "1"]
-        for command in ([*record, "--out", replay], ["replay", replay, "--to", page]):
-            subprocess.run([*PROGRAM, *command], check=True, timeout=100)
+        replay = folder / f"{name}.smreplay"
+        program("record", name, "--policy=nearest", "--episodes", episodes, "--seed=1", "--out", replay)
+        program("replay", replay, "--to", folder / f"{name}.html")
     return folder
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with playwright.sync_playwright() as started:
-        # The pages are our own, and a container's root has no other way to start it.
-        browser = started.chromium.launch(executable_path=BROWSER, args=["--no-sandbox"])
-        yield browser
-        browser.close()
-
-
-class Page:
-    """A replay page, which must neither report an error nor ask for another file."""
+class Page(BattlePage):
+    """A replay page, which asks for no other file."""
 
     def __init__(self, browser: Any, file: Path, state: str = "", **options: Any) -> None:
-        options = {"viewport": {"width": 1280, "height": 800}, "color_scheme": "dark", **options}
-        self.page = browser.new_page(**options)
-        self.problems: list[str] = []
-        self.page.on("console", lambda message: self.problems.append(message.text))
-        self.page.on("pageerror", lambda error: self.problems.append(str(error)))
-        self.page.on("request", lambda request: self.requests.append(request.url))
-        self.requests: list[str] = []
-        self.page.goto(f"{file.as_uri()}#{state}")
-        self.page.wait_for_selector("html[data-ready]", state="attached", timeout=60_000)
+        super().__init__(browser.new_page(**WINDOW | options), f"{file.as_uri()}#{state}")
         self.settle()
 
-    def __enter__(self) -> Page:
-        return self
-
     def __exit__(self, *_: object) -> None:
-        self.page.close()
-        assert self.problems == []
+        super().__exit__()
         others = [url for url in self.requests if not url.startswith(("file:", "data:"))]
         assert len(self.requests) >= 1 and others == []
 
-    def settle(self) -> None:
-        """Waits until two more pictures are drawn."""
-        self.page.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
-    def wait(self, is_done: Callable[[], object]) -> None:
-        """Waits for a condition; the browser's own way needs `eval`, which the page forbids."""
-        end = time.monotonic() + 60
-        while not is_done():
-            assert time.monotonic() < end
-            self.settle()
-
-    def press(self, *keys: str) -> None:
-        for key in keys:
-            self.page.keyboard.press(key)
-        self.settle()
-
-    def scrub(self, tick: int) -> None:
-        script = "(e, tick) => { e.value = tick; e.dispatchEvent(new Event('input')); }"
-        self.page.eval_on_selector("#scrub", script, tick)
-        self.settle()
-
-    def draw(self) -> None:
-        """Waits until the next picture is drawn: the pages write what they show in words with it."""
-        self.page.evaluate("new Promise(requestAnimationFrame)")
-
-    def text(self, selector: str) -> str:
-        """What the page says when all that was done to it is drawn, which a busy computer does late."""
-        self.draw()
-        return str(self.page.inner_text(selector))
-
-    def shown(self, selector: str) -> bool:
-        self.draw()
-        return bool(self.page.is_visible(selector))
-
-    @property
-    def tick(self) -> int:
-        return int(self.text("#time b >> nth=1"))
-
-    @property
-    def last(self) -> int:
-        return int(self.page.get_attribute("#scrub", "max"))
-
-    def colours(self) -> int:
-        """Number of different colours on the canvas of the battle."""
-        script = """() => {
-            const canvas = document.getElementById("battle");
-            const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
-            return new Set(new Uint32Array(data.buffer)).size;
-        }"""
-        return int(self.page.evaluate(script))
-
-
-def check_step_on_phones(page: Page, shown: str) -> None:
+def check_step_on_phones(page: BattlePage, shown: str) -> None:
     """The last step of a battle once read "step 1" on a phone, because the rest of its text was cut off."""
     script = """() => {
         const time = document.getElementById("time"), range = document.createRange();

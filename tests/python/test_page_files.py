@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import gzip
 import json
-import subprocess
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,8 +12,10 @@ from typing import Any
 import pytest
 
 import test_playground
-from test_page import PROGRAM, REPOSITORY, Page, browser
-from test_playground import PHONE, Playground
+from conftest import REPOSITORY, program
+from pages import PHONE, browser
+from test_page import Page
+from test_playground import Playground
 
 __all__ = ["browser"]
 
@@ -27,23 +28,16 @@ def contains(page: Playground, reason: str) -> bool:
     return reason in page.text("#message")
 
 
-def run(*arguments: object) -> str:
-    command = [*PROGRAM, *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=False)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
-
-
 @pytest.fixture(scope="module")
 def keep(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a map of its own, a unit of its own, and a team that was trained there."""
     folder = tmp_path_factory.mktemp("keep")
-    run("new", "unit", folder / "guard.json", "--like", "STALKER")
+    program("new", "unit", folder / "guard.json", "--like", "STALKER")
     scenario = json.loads((REPOSITORY / "scenarios/data/3m.json").read_text())
     scenario["name"] = "keep"
     scenario["groups"][0]["units"] = {"guard": 3}
     (folder / "keep.json").write_text(json.dumps(scenario))
-    run("train", folder / "keep.json", "--out", folder / "team", "--steps", 3000)
+    program("train", folder / "keep.json", "--out", folder / "team", "--steps", 3000)
     return folder
 
 
@@ -87,13 +81,13 @@ def test_a_team_of_an_own_map_with_own_units_plays_there(browser: Any, keep: Pat
         assert page.last == last
     with Playground(browser, link) as page:
         assert page.text("#name") == "keep" and not page.shown("#message")
-    assert "keep" in run("replay", saved)
+    assert "keep" in program("replay", saved).stdout
 
 
 def test_two_teams_of_one_map_and_seed_stay_apart(browser: Any, keep: Path, tmp_path: Path) -> None:
     """The second one replaced the first, because both have the same name."""
     other = tmp_path / "other"
-    run("train", keep / "keep.json", "--out", other, "--steps", 6000)
+    program("train", keep / "keep.json", "--out", other, "--steps", 6000)
     named = "all => all.map((one) => one.value).filter((name) => name.startsWith('keep'))"
     with Playground(browser) as page:
         for folder, name in ((keep / "team", ""), (other, " (2)"), (keep / "team", "")):
@@ -144,14 +138,14 @@ def test_a_saved_battle_is_read_by_the_program(browser: Any, tmp_path: Path) -> 
     with Playground(browser, "scenario=3m&seed=4") as page:
         page.wait_until_played()
         saved = save(page, tmp_path / "3m.smreplay")
-    assert "3m" in run("replay", saved)
+    assert "3m" in program("replay", saved).stdout
     for suffix in ("html", "gif", "snapshot"):
-        run("replay", saved, "--to", tmp_path / f"3m.{suffix}")
+        program("replay", saved, "--to", tmp_path / f"3m.{suffix}")
     with Page(browser, tmp_path / "3m.html", "tick=16&unit=1") as shown:
         assert shown.tick == 16 and not shown.shown("#message")
-    assert "3m" in run("show", tmp_path / "3m.snapshot")
+    assert "3m" in program("show", tmp_path / "3m.snapshot").stdout
     branch = tmp_path / "branch.smreplay"
-    run("record", "--from", tmp_path / "3m.snapshot", "--policy", "kite", "--out", branch)
+    program("record", "--from", tmp_path / "3m.snapshot", "--policy", "kite", "--out", branch)
     with Playground(browser) as page:
         page.page.set_input_files("#files", branch)
         page.wait(lambda: "verified" in page.said)
@@ -200,8 +194,8 @@ def test_a_damaged_file_is_named_with_what_is_wrong(browser: Any, tmp_path: Path
 
 def test_an_address_of_a_replay_that_cannot_be_shown_says_why(browser: Any, tmp_path: Path) -> None:
     replay, page_file = tmp_path / "3m.smreplay", tmp_path / "3m.html"
-    run("record", "3m", "--policy", "nearest", "--episodes", 2, "--out", replay)
-    run("replay", replay, "--to", page_file)
+    program("record", "3m", "--policy", "nearest", "--episodes", 2, "--out", replay)
+    program("replay", replay, "--to", page_file)
     with Page(browser, page_file, "nonsense&episode=7&tick=8") as page:
         assert page.tick == 8, "the rest is shown"
         said = page.text("#message")

@@ -14,28 +14,21 @@ from typing import Any
 
 import pytest
 
+from conftest import PROGRAM, program
+from pages import PHONE, WINDOW, BattlePage, browser, pytestmark
 from play import duel
-from test_page import PROGRAM, Page, browser, pytestmark
+from test_page import Page
 
 __all__ = ["browser", "pytestmark"]  # a fixture and marks that pytest finds here
 
-SIDE = 32
-PHONE = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
 
-
-class PlayPage(Page):
-    """`smaclite-pool play` and its page, with the whole map; it must report no error."""
+class PlayPage(BattlePage):
+    """`smaclite-pool play` and its page, with the whole map."""
 
     def __init__(self, browser: Any, *args: str, **options: Any) -> None:
         self.command = [*PROGRAM, "play", *args]
         self.start()
-        options = {"viewport": {"width": 1280, "height": 800}, "color_scheme": "dark", **options}
-        self.page = browser.new_page(**options)
-        self.problems: list[str] = []
-        self.page.on("console", lambda message: self.problems.append(message.text))
-        self.page.on("pageerror", lambda error: self.problems.append(str(error)))
-        self.page.goto(self.url)
-        self.page.wait_for_selector("html[data-ready]", state="attached", timeout=60_000)
+        super().__init__(browser.new_page(**WINDOW | options), self.url)
         self.press("m")
 
     def start(self) -> None:
@@ -49,20 +42,14 @@ class PlayPage(Page):
         assert self.process.stdout is not None
         self.process.stdout.close()
 
-    def __enter__(self) -> PlayPage:
-        return self
-
     def __exit__(self, *_: object) -> None:
-        self.page.close()
-        self.stop()
-        assert self.problems == []
+        try:
+            super().__exit__()
+        finally:
+            self.stop()
 
     def is_paused_after(self, step: int) -> bool:
         return self.step > step and self.result != "Running"
-
-    @property
-    def step(self) -> int:
-        return int(self.text("#time b >> nth=0"))
 
     @property
     def result(self) -> str:
@@ -77,13 +64,6 @@ class PlayPage(Page):
         before = self.step
         self.press(".")
         self.wait(lambda: self.step > before and self.result != "Running")
-
-    def at(self, x: float, y: float) -> tuple[float, float]:
-        """Where a point of a map of 32 x 32 squares is in the window: with 8 pixels around the map."""
-        box = self.page.locator("#battle").bounding_box()
-        scale = (min(box["width"], box["height"]) - 16) / SIDE
-        across, up = (x - SIDE / 2) * scale, (y - SIDE / 2) * scale
-        return box["x"] + box["width"] / 2 + across, box["y"] + box["height"] / 2 - up
 
     def place(self, faction: int, unit: int) -> tuple[float, float]:
         """Where a unit is, in squares, by its card; an agent is selected by that, if it is not."""
@@ -135,10 +115,8 @@ class PlayPage(Page):
 
 def replayed(file: Path, to: Path) -> str:
     """Verifies a replay and makes a page of it; what that prints."""
-    text = subprocess.run(
-        [*PROGRAM, "replay", str(file)], check=True, capture_output=True, text=True, timeout=100
-    ).stdout
-    subprocess.run([*PROGRAM, "replay", str(file), "--to", str(to)], check=True, timeout=100)
+    text = program("replay", file).stdout
+    program("replay", file, "--to", to)
     return text
 
 

@@ -6,7 +6,6 @@ import base64
 import gzip
 import json
 import re
-import subprocess
 import zlib
 from collections import Counter
 from pathlib import Path
@@ -14,48 +13,33 @@ from typing import Any
 
 import pytest
 
-from test_page import PROGRAM, REPOSITORY, TICKS_PER_STEP, Page, browser, pytestmark
+from conftest import REPOSITORY, program
+from pages import PHONE, TICKS_PER_STEP, WINDOW, BattlePage, browser, pytestmark
 
 __all__ = ["browser"]  # a fixture that pytest finds here
 
 PAGE = REPOSITORY / "target/playground/battle.html"
-PHONE: dict[str, Any] = {"viewport": {"width": 390, "height": 844}, "has_touch": True, "is_mobile": True}
 
 pytestmark = [*pytestmark, pytest.mark.skipif(not PAGE.exists(), reason="no page; see `just playground`")]
 
 
-class Playground(Page):
-    """The page, with the whole map; it must report no error and load nothing else."""
+class Playground(BattlePage):
+    """The page, with the whole map, which loads nothing else."""
 
     def __init__(self, browser: Any, link: str = "", **options: Any) -> None:
-        options = {"viewport": {"width": 1280, "height": 800}, "color_scheme": "dark", **options}
-        self.context = browser.new_context(**options, offline=True, accept_downloads=True)
-        self.page = self.context.new_page()
-        self.problems: list[str] = []
-        self.requests: list[str] = []
-        self.page.on("console", lambda message: self.problems.append(message.text))
-        self.page.on("pageerror", lambda error: self.problems.append(str(error)))
-        self.page.on("request", lambda request: self.requests.append(request.url))
-        self.page.goto(f"{PAGE.as_uri()}#{link}")
-        self.page.wait_for_selector("html[data-ready]", state="attached", timeout=60_000)
+        self.context = browser.new_context(**WINDOW | options, offline=True, accept_downloads=True)
+        super().__init__(self.context.new_page(), f"{PAGE.as_uri()}#{link}")
         self.wait(lambda: self.text("#name") != "")
 
-    def __enter__(self) -> Playground:
-        return self
-
     def __exit__(self, *_: object) -> None:
+        super().__exit__()
         self.context.close()
-        assert self.problems == []
         assert len([url for url in self.requests if not url.startswith(("data:", "blob:"))]) == 1
 
     @property
     def said(self) -> str:
         """The line above the map, while there is one."""
         return self.text("#note") if self.shown("#note") else ""
-
-    @property
-    def step(self) -> int:
-        return int(self.text("#time b >> nth=0"))
 
     @property
     def last(self) -> int:
@@ -105,13 +89,6 @@ class Playground(Page):
         for point in points[1:]:
             self.page.mouse.move(*self.at(*point))
         self.page.mouse.up()
-
-    def at(self, x: float, y: float) -> tuple[float, float]:
-        """Where a point of a map of 32 x 32 squares is in the window, if all of it is shown."""
-        box = self.page.locator("#battle").bounding_box()
-        scale = (min(box["width"], box["height"]) - 16) / 32
-        across, up = (x - 16) * scale, (y - 16) * scale
-        return box["x"] + box["width"] / 2 + across, box["y"] + box["height"] / 2 - up
 
 
 def test_a_battle_is_played_to_its_end_and_scrubbed(browser: Any) -> None:
@@ -504,8 +481,7 @@ def test_the_skip_link_goes_to_the_controls_and_keeps_the_battle(browser: Any) -
 
 def test_a_link_after_a_replay_leaves_no_list_of_its_episodes(browser: Any, tmp_path: Path) -> None:
     replay = tmp_path / "episodes.smreplay"
-    record = ["record", "3m", "--policy", "nearest", "--episodes", "2", "--out", str(replay)]
-    subprocess.run([*PROGRAM, *record], check=True, timeout=100, capture_output=True)
+    program("record", "3m", "--policy", "nearest", "--episodes", "2", "--out", replay)
     with Playground(browser) as page:
         page.page.set_input_files("#files", replay)
         page.wait(lambda: page.page.locator("#episodes li").count() == 2)

@@ -16,11 +16,11 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 
-import test_page
-from test_page import PROGRAM, Page, browser, check_step_on_phones
+from conftest import PROGRAM
+from pages import WINDOW, BattlePage, browser, pytestmark
+from test_page import check_step_on_phones
 
-pytestmark = test_page.pytestmark
-__all__ = ["browser"]  # a fixture
+__all__ = ["browser", "pytestmark"]  # a fixture and marks that pytest finds here
 
 FIELDS = ["obs", "state", "avail_actions", "alive", "snapshot"]
 LEARNER = Path(__file__).parent / "learner.py"
@@ -70,32 +70,20 @@ def programs_of_test(runtime_dir: Path) -> Iterator[Programs]:
         programs.stop(process)
 
 
-class WatchPage(Page):
-    """A live page, which must neither report an error nor load another file."""
+class WatchPage(BattlePage):
+    """A live page, which loads no other file."""
 
     def __init__(self, browser: Any, url: str, state: str = "", **options: Any) -> None:
-        options = {"viewport": {"width": 1280, "height": 800}, "color_scheme": "dark", **options}
-        self.page = browser.new_page(**options)
-        self.problems: list[str] = []
-        self.requests: list[str] = []
-        self.page.on("console", lambda message: self.problems.append(message.text))
-        self.page.on("pageerror", lambda error: self.problems.append(str(error)))
-        self.page.on("request", lambda request: self.requests.append(request.url))
-        self.sockets: list[str] = []
-        self.page.on("websocket", lambda socket: self.sockets.append(socket.url))
         self.url = url
-        self.page.goto(f"{url}#{state}")
-        self.page.wait_for_selector("html[data-ready]", state="attached", timeout=60_000)
-
-    def __enter__(self) -> WatchPage:
-        return self
+        self.sockets: list[str] = []
+        tab = browser.new_page(**WINDOW | options)
+        super().__init__(tab, f"{url}#{state}", websocket=lambda socket: self.sockets.append(socket.url))
 
     def __exit__(self, *_: object) -> None:
-        self.page.close()
+        super().__exit__()
         others = [url for url in self.requests if not url.startswith((self.url, "data:"))]
         host = self.url.removeprefix("http://").split("/")[0]
         assert others == [] and all(url.startswith(f"ws://{host}/ws?") for url in self.sockets)
-        assert self.problems == []
 
     @property
     def last(self) -> int:
