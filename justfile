@@ -64,8 +64,8 @@ test-learners *args: install
 test-page *args: install _playground
     {{ python }} -m pip install --quiet playwright
     {{ python }} -m pytest tests/python/test_page.py tests/python/test_watch.py tests/python/test_editor.py \
-        tests/python/test_play.py tests/python/test_playground.py tests/python/test_page_files.py \
-        {{ in_processes }} {{ args }}
+        tests/python/test_editor_files.py tests/python/test_play.py tests/python/test_playground.py \
+        tests/python/test_page_files.py {{ in_processes }} {{ args }}
 
 notebook := "docs/tutorials/notebook.ipynb"
 

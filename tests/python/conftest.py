@@ -25,7 +25,8 @@ SERVES_ITSELF = "on this system pools serve their own process alone"
 serves_other_processes = pytest.mark.skipif(not SERVES_OTHER_PROCESSES, reason=SERVES_ITSELF)
 
 # Pages and README serve pools, by commands of a POSIX shell; types are those of the tests for Linux.
-collect_ignore = [] if sys.platform == "linux" else ["test_docs.py", "test_readme.py", "test_types.py"]
+of_linux = ["test_docs.py", "test_faq.py", "test_readme.py", "test_site.py", "test_types.py"]
+collect_ignore = [] if sys.platform == "linux" else of_linux
 
 
 def note_test(outcome: str, name: str, reason: str) -> None:

@@ -1,104 +1,18 @@
-"""The scenario editor in a real browser: by mouse, by keyboard and by text, and the files that it saves."""
+"""The scenario editor in a real browser: by mouse, by keyboard and by two fingers."""
 
 from __future__ import annotations
 
 import json
-import shutil
-import subprocess
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from conftest import PROGRAM, REPOSITORY, program
-from pages import PHONE, SIDE, WINDOW, AnyPage, browser, pytestmark
+from conftest import program
+from editor_kit import PAGE, Editor, EditorPage, file
+from pages import PHONE, SIDE, browser, pytestmark
 
-__all__ = ["browser", "pytestmark"]  # a fixture and marks that pytest finds here
-
-PAGE = REPOSITORY / "target/playground/editor.html"
-
-
-class EditorPage(AnyPage):
-    """The page of an editor."""
-
-    MAP = "#map"
-
-    def __init__(self, browser: Any, url: str, state: str = "Valid", **options: Any) -> None:
-        self.questions: list[str] = []
-        self.agrees = True
-        super().__init__(browser.new_page(**WINDOW | options), url, dialog=self.answer)
-        self.wait_for_state(state)
-
-    def answer(self, dialog: Any) -> None:
-        self.questions.append(dialog.message)
-        dialog.accept() if self.agrees else dialog.dismiss()
-
-    def rename(self, name: str) -> None:
-        """Changes the name of the scenario."""
-        self.tab("scenario")
-        self.field("name").fill(name)
-        self.settle()
-
-    def wait_for_state(self, text: str) -> None:
-        self.wait(lambda: str(self.page.inner_text("#state")) == text)
-
-    def tab(self, name: str) -> None:
-        self.page.click(f"[data-tab={name}]")
-
-    def drag(self, start: tuple[float, float], end: tuple[float, float], **options: Any) -> None:
-        self.page.mouse.move(*self.at(*start))
-        self.page.mouse.down(**options)
-        self.page.mouse.move(*self.at(*end), steps=6)
-        self.page.mouse.up(**options)
-        self.settle()
-
-    def text(self) -> str:
-        """The text of the scenario file, which its form shows; then the form that was shown before."""
-        before = self.page.get_attribute("[data-tab][aria-selected=true]", "data-tab")
-        focused = self.page.evaluate_handle("document.activeElement")
-        # Without the mouse, which the map follows.
-        show = "(name) => document.querySelector(`[data-tab=${name}]`).click()"
-        self.page.evaluate(show, "json")
-        text = str(self.page.input_value("#text"))
-        self.page.evaluate(show, before)
-        focused.evaluate("(element) => element.focus()")
-        self.settle()
-        return text
-
-    def json(self) -> Any:
-        return json.loads(self.text())
-
-    def field(self, *path: str | int, unit: str | int = -1) -> Any:
-        key = f"{unit}:{json.dumps(list(path), separators=(',', ':'))}"
-        return self.page.locator(f"[data-key='{key}']")
-
-    def problem_list(self) -> list[str]:
-        return [str(text) for text in self.page.locator("#problems li").all_inner_texts()]
-
-
-class Editor(EditorPage):
-    """`smaclite-pool edit` and its page."""
-
-    def __init__(self, browser: Any, *args: str, state: str = "Valid", **options: Any) -> None:
-        command = [*PROGRAM, "edit", *args]
-        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-        assert self.process.stdout is not None
-        super().__init__(browser, self.process.stdout.readline().strip(), state, **options)
-
-    def __exit__(self, *_: object) -> None:
-        self.page.close()
-        self.process.terminate()
-        try:
-            self.process.wait(20)
-        finally:
-            self.process.kill()
-        super().__exit__()
-
-
-@pytest.fixture
-def file(tmp_path: Path) -> Path:
-    """A copy of 2s3z."""
-    return Path(shutil.copy(REPOSITORY / "scenarios/data/2s3z.json", tmp_path / "mine.json"))
+__all__ = ["browser", "file", "pytestmark"]  # fixtures and marks that pytest finds here
 
 
 def test_a_scenario_is_edited_played_and_saved(browser: Any, file: Path) -> None:
@@ -239,33 +153,6 @@ def test_units_inside_walls_are_warnings_and_can_be_played(browser: Any, file: P
         assert not editor.page.is_disabled("#play")
 
 
-def test_text_and_forms_show_the_same_file(browser: Any, file: Path) -> None:
-    # What the editor does not know, and how the text is written, stays.
-    odd = file.read_text().replace('"name": "2s3z",', '"name": "odd",   "a.b": [1.50, {"c": null}],')
-    file.write_text(odd)
-    with Editor(browser, str(file), state="1 problem") as editor:
-        assert "unknown key `a.b`" in editor.problem_list()[0]
-        editor.tab("scenario")
-        editor.field("episode_limit").fill("7")
-        editor.field("attack_point", 0).fill("")
-        editor.field("attack_point", 0).fill("9.5")
-        expected = odd.replace('"episode_limit": 120', '"episode_limit": 7')
-        assert editor.text() == expected.replace("[9, 16],\n", "[9.5, 16],\n")
-        editor.page.click("#problems li button")
-        selected = "(e) => e.value.slice(e.selectionStart, e.selectionEnd)"
-        assert editor.page.eval_on_selector("#text", selected).startswith('"a.b": [1.50')
-
-        # Text that is no JSON keeps its place; then the forms follow the text.
-        editor.page.fill("#text", '{ "name": ')
-        editor.wait(lambda: "mine.json:1:" in editor.problem_list()[0])
-        text = expected.replace('   "a.b": [1.50, {"c": null}],', "").replace('"x": 9,', '"x": 11,')
-        editor.page.fill("#text", text)
-        editor.wait_for_state("Valid")
-        editor.page.click("#format")
-        editor.tab("groups")
-        assert editor.page.locator(".groups .group >> nth=0").inner_text().endswith("11, 16")
-
-
 def test_a_group_is_taken_at_its_centre(browser: Any) -> None:
     """Only units were handles: at the centre of a group, where there is none, the view moved instead."""
     with Editor(browser) as editor:
@@ -306,61 +193,6 @@ def test_a_group_is_taken_at_its_centre(browser: Any) -> None:
         # An empty place still moves the view.
         editor.drag((28, 28), (29, 29))
         assert places()[2] == (16, 24)
-
-
-def test_text_that_is_no_json_keeps_the_last_map(browser: Any, file: Path) -> None:
-    """The map was empty while the text had a mistake."""
-    with Editor(browser, str(file)) as editor:
-        editor.press("b")
-        editor.drag((12.5, 12.5), (12.5, 18.5))
-        editor.press("v")
-        editor.tab("json")
-        text = str(editor.page.input_value("#text"))
-        canvas = "document.getElementById('map').toDataURL()"
-        editor.page.mouse.move(5, 5)
-        editor.settle()
-        picture = editor.page.evaluate(canvas)
-        editor.page.fill("#text", text.replace('"groups": [', '"groups": [,'))
-        editor.wait_for_state("1 problem")
-        editor.page.mouse.move(6, 6)
-        editor.settle()
-        assert editor.page.evaluate(canvas) == picture
-        assert editor.page.inner_text("#stale") == "mine.json is no valid JSON: this is its last valid map."
-        opacity = "getComputedStyle(document.getElementById('map')).opacity"
-        assert float(editor.page.evaluate(opacity)) < 1
-        editor.tab("groups")
-        assert editor.page.locator(".groups .group").count() == 2
-        assert editor.page.evaluate("document.getElementById('groups').inert")
-
-        # What is shown cannot be edited, only undone.
-        broken = editor.text()
-        editor.drag((23, 16), (25, 18))
-        editor.press("b")
-        editor.drag((20.5, 12.5), (20.5, 18.5))
-        editor.press("v", "n", "Delete", "ControlOrMeta+d")
-        assert editor.text() == broken
-        editor.press("ControlOrMeta+z")
-        editor.wait_for_state("Valid")
-        assert editor.text() == text and not editor.page.is_visible("#stale")
-        editor.press("m")
-        editor.drag((23, 16.6), (24, 14.1))
-        assert editor.json()["groups"][1]["x"] == 24
-
-
-def test_a_unit_type_of_the_scenarios_name_is_not_saved_over_it(browser: Any, file: Path) -> None:
-    before = file.read_text()
-    with Editor(browser, str(file)) as editor:
-        editor.tab("types")
-        editor.page.click("#types button:text-is('Stalker')")
-        editor.page.click("text=Copy as new")
-        name = editor.page.locator("#types section input >> nth=0")
-        name.fill("mine")
-        name.press("Enter")
-        editor.page.click("#save")
-        editor.wait(lambda: "the unit type `mine` would be written to" in editor.page.inner_text("#message"))
-        editor.page.click("#download")
-        editor.wait(lambda: "two files would have the name mine.json" in editor.page.inner_text("#message"))
-    assert file.read_text() == before
 
 
 @pytest.mark.parametrize("width", [820, 390])
@@ -407,49 +239,6 @@ def test_the_keyboard_alone(browser: Any, file: Path) -> None:
         editor.press("Escape")
 
 
-def test_files_are_opened_and_downloaded(browser: Any, tmp_path: Path) -> None:
-    scout = (REPOSITORY / "units/data/MARINE.json").read_text()
-    files = {
-        "duel.json": (REPOSITORY / "scenarios/data/3m.json").read_text().replace("MARINE", "units/scout"),
-        "scout.json": scout,
-    }
-    for name, text in files.items():
-        (tmp_path / name).write_text(text)
-    with Editor(browser) as editor:
-        assert editor.page.inner_text("h1") == "new_scenario"
-        editor.page.set_input_files("#files", [tmp_path / name for name in files])
-        editor.wait(lambda: str(editor.page.inner_text("h1")) == "3m")
-        editor.wait_for_state("Valid")
-        downloads: list[Any] = []
-        editor.page.on("download", lambda download: downloads.append(download))
-        editor.page.click("#save")
-        editor.wait(lambda: len(downloads) == 2)
-        for download in downloads:
-            assert Path(download.path()).read_text() == files[download.suggested_filename]
-        editor.page.click("#new")
-        editor.page.click("#choices button:text-is('corridor')")
-        editor.wait(lambda: str(editor.page.inner_text("h1")) == "corridor")
-        editor.wait_for_state("Valid")
-        editor.tab("scenario")
-        assert editor.field("terrain_preset").input_value() == "CORRIDOR"
-        editor.field("terrain_preset").select_option("NARROW")
-        assert editor.json()["terrain_preset"] == "NARROW"
-        editor.field("terrain_preset").select_option("")
-        editor.field("width").fill("40")
-        assert {len(row) for row in editor.json()["terrain"]} == {40} and editor.json()["width"] == 40
-
-
-def test_a_generated_scenario_file_is_opened_as_a_scenario(browser: Any, tmp_path: Path) -> None:
-    """It has teams instead of groups, and was taken for a unit type."""
-    file = tmp_path / "mine.json"
-    program("new", "scenario", file, "--generated", "--agents", "4xMARINE,1xMEDIVAC")
-    with Editor(browser) as editor:
-        editor.page.set_input_files("#files", file)
-        editor.wait(lambda: str(editor.page.inner_text("h1")) == "mine")
-        editor.wait_for_state("Valid")
-        assert editor.page.is_visible("#draw")
-
-
 def test_a_window_that_was_low_shows_the_map_again(browser: Any, file: Path) -> None:
     """The picture failed where the map has no room, and no other one was drawn."""
     picture = "document.getElementById('map').toDataURL()"
@@ -476,91 +265,6 @@ def test_every_form_has_names_in_both_themes(browser: Any, file: Path, scheme: s
         sizes = """() => [document.getElementById('map').getBoundingClientRect().width * 2,
             document.getElementById('map').width]"""
         editor.wait(lambda: len({round(size) for size in editor.page.evaluate(sizes)}) == 1)
-
-
-def test_files_are_checked_up_to_the_size_that_they_may_have(browser: Any, file: Path) -> None:
-    """Those of more than 4 MiB could be opened, and neither checked nor saved."""
-    with Editor(browser, str(file)) as editor:
-        editor.tab("json")
-        text = str(editor.page.input_value("#text"))
-        fill = "(area, text) => { area.value = text; area.dispatchEvent(new Event('input')); }"
-        editor.page.eval_on_selector("#text", fill, text + " " * 9_000_000)
-        editor.wait(lambda: "larger than 8192 KiB" in editor.page.inner_text("#problems"))
-        editor.page.eval_on_selector("#text", fill, text + " " * 5_000_000)
-        editor.wait_for_state("Valid")
-
-
-def test_a_generated_scenario_shows_what_the_seed_draws(browser: Any) -> None:
-    with Editor(browser, "terran_5_vs_5") as editor:
-        picture = "document.getElementById('map').toDataURL()"
-        assert editor.page.is_visible("#draw")
-        editor.page.mouse.move(0, 0)  # the map shows what is under the pointer
-        editor.settle()
-        first = editor.page.evaluate(picture)
-        editor.page.click("#draw")
-        assert editor.page.input_value("#seed") == "1"
-        editor.wait(lambda: editor.page.evaluate(picture) != first)
-        editor.page.fill("#seed", "0")
-        editor.page.press("#seed", "Tab")
-        editor.wait(lambda: editor.page.evaluate(picture) == first)
-    with Editor(browser, "2s3z") as editor:
-        assert not editor.page.is_visible("#draw")
-
-
-def test_what_was_saved_elsewhere_since_a_page_opened_it_is_not_replaced_unasked(
-    browser: Any, file: Path
-) -> None:
-    """What one page saved was known to the program, and so not asked about in another page."""
-    with Editor(browser, str(file)) as editor, EditorPage(browser, editor.page.url) as other:
-        other.rename("other")
-        other.press("ControlOrMeta+s")
-        other.wait(lambda: "Saved mine.json" in other.page.inner_text("#message"))
-        editor.rename("mine")
-        editor.agrees = False
-        editor.press("ControlOrMeta+s")
-        editor.wait(lambda: len(editor.questions) == 1)
-        assert editor.questions[0].startswith("Changed elsewhere") and "mine.json" in editor.questions[0]
-        assert json.loads(file.read_text())["name"] == "other" and other.questions == []
-        editor.agrees = True
-        editor.press("ControlOrMeta+s")
-        editor.wait(lambda: "Saved mine.json" in editor.page.inner_text("#message"))
-        assert json.loads(file.read_text())["name"] == "mine" and len(editor.questions) == 2
-        editor.rename("again")  # what a page has saved itself needs no question
-        editor.press("ControlOrMeta+s")
-        editor.wait(lambda: json.loads(file.read_text())["name"] == "again")
-        assert len(editor.questions) == 2
-
-        # Another program, after which a page is opened; it was then known to the program.
-        file.write_text(file.read_text().replace('"again"', '"program"'))
-        with EditorPage(browser, editor.page.url):
-            editor.rename("last")
-            editor.agrees = False
-            editor.press("ControlOrMeta+s")
-            editor.wait(lambda: len(editor.questions) == 3)
-        assert json.loads(file.read_text())["name"] == "program"
-
-
-def test_new_and_open_ask_before_they_lose_what_is_not_saved(browser: Any, file: Path) -> None:
-    """They lost it without a question, and Undo did not bring it back."""
-    with Editor(browser, str(file)) as editor:
-
-        def begin_anew() -> None:
-            editor.page.click("#new")
-            editor.page.click("#choices button >> nth=0")
-            editor.settle()
-
-        begin_anew()  # nothing is lost
-        assert editor.page.inner_text("h1") == "new_scenario" and editor.questions == []
-        editor.rename("precious")
-        editor.agrees = False
-        begin_anew()
-        editor.page.set_input_files("#files", file)
-        editor.wait(lambda: len(editor.questions) == 2)
-        assert editor.questions == ["Lose the changes that are not saved?"] * 2
-        assert editor.json()["name"] == "precious"
-        editor.agrees = True
-        editor.page.set_input_files("#files", file)
-        editor.wait(lambda: str(editor.page.inner_text("h1")) == "2s3z")
 
 
 @pytest.mark.parametrize("tool", ["brush", "ally", "select"])
@@ -633,37 +337,6 @@ def test_a_number_of_units_that_was_emptied_shows_what_the_file_has(browser: Any
         assert editor.json()["groups"][0]["units"]["STALKER"] == 2
 
 
-def test_names_of_unit_types_that_cannot_be_saved_are_refused_by_the_page(browser: Any, file: Path) -> None:
-    """`..` and `.x` were accepted, and then not saved; and the focus was lost with the name."""
-    with Editor(browser, str(file)) as editor:
-        editor.tab("types")
-        editor.page.click("text=Copy as new")
-        name = editor.page.locator("#types [data-key=name]")
-        before = name.input_value()
-        for bad in ("..", ".x", "a b", "x" * 101, "STALKER"):
-            name.fill(bad)
-            name.press("Enter")
-            assert "The name is part of a file" in name.evaluate("(input) => input.validationMessage")
-            assert editor.page.inner_text("#types .title small") == f"{before}.json"
-        longest = "x" * 100
-        name.fill(longest)
-        name.press("Enter")
-        editor.wait(lambda: str(editor.page.inner_text("#types .title small")) == f"{longest}.json")
-        assert editor.page.evaluate("document.activeElement.dataset.key") == "name"
-        editor.press("ControlOrMeta+s")
-        editor.wait(lambda: longest in editor.page.inner_text("#message"))
-        assert file.with_name(f"{longest}.json").exists()
-
-
-@pytest.mark.skipif(not PAGE.exists(), reason="no page; see `just playground`")
-@pytest.mark.parametrize("link", ["scenario=nope", "file=abc", "check=00&scenario=3m", "rules=x&scenario=3m"])
-def test_an_editor_whose_link_is_bad_begins_with_a_new_scenario(browser: Any, link: str) -> None:
-    """It never began, or opened what the checksum of a link denies."""
-    with EditorPage(browser, f"{PAGE.as_uri()}#{link}") as editor:
-        assert editor.page.inner_text("h1") == "new_scenario"
-        assert editor.page.inner_text("#message").startswith("The scenario of this link cannot be opened: ")
-
-
 @pytest.mark.skipif(not PAGE.exists(), reason="no page; see `just playground`")
 def test_the_skip_link_of_the_editor_keeps_the_address_of_its_scenario(browser: Any) -> None:
     """A reload then opened a new scenario."""
@@ -699,28 +372,3 @@ def test_what_no_battle_can_have_is_named_as_by_check(browser: Any, file: Path) 
         expected = "mine.json: cannot be read: it is not UTF-8 text"
         editor.wait(lambda: editor.page.inner_text("#message") == expected)
         assert editor.text() == before
-
-
-@pytest.mark.skipif(not PAGE.exists(), reason="no page; see `just playground`")
-def test_the_editor_needs_no_program(browser: Any, tmp_path: Path) -> None:
-    """A page of the documentation: it checks, places, plays and saves by itself, also from a folder."""
-    with EditorPage(browser, f"{PAGE.as_uri()}#scenario=3m") as editor:
-        assert editor.page.inner_text("h1") == "3m"
-        assert "3 agents, 3 enemies" in editor.page.inner_text("#summary")
-        field = editor.field("groups", 1, "units", "MARINE")
-        editor.page.click(".groups .group >> nth=1")
-        field.fill("0")
-        editor.wait_for_state("2 problems")
-        field.fill("2")
-        editor.wait_for_state("Valid")
-        editor.page.click("#play")
-        battle = editor.page.frame_locator("#arena iframe")
-        ends = ("Won", "Lost", "Time limit")
-        for _ in range(4):
-            battle.locator("[data-speed='1']").click()
-        editor.wait(lambda: battle.locator("#result").inner_text() in ends)
-        editor.page.click("#leave")
-        with editor.page.expect_download() as download:
-            editor.page.click("#save")
-        download.value.save_as(tmp_path / "own.json")
-    assert "3 agents against 2 enemies" in program("check", tmp_path / "own.json").stdout
