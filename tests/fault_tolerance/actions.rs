@@ -1,5 +1,5 @@
-//! Wrong actions: the client, or the lane, names what was wrong, and nothing is stepped. The single reasons are
-//! tested in `in_memory::rejections`, and what the client refuses before it sends in `smaclite_ipc`.
+//! Wrong actions: the client, or the lane, names what was wrong, and nothing is stepped. The single reasons
+//! are tested in `in_memory::rejections`, and what the client refuses before it sends in `smaclite_ipc`.
 
 use crate::assert_contains;
 use smaclite_ipc::{ClientError, Order, WaitOptions};

@@ -1,6 +1,6 @@
-//! A learner of the pool's own process steps environments while it waits. No thread waits forever, also if the
-//! learner or the pool fails. Every frame is compared with the [reference](smaclite_tests::reference); that such
-//! a learner sees the same bits as any other is tested in `stepping`.
+//! A learner of the pool's own process steps environments while it waits. No thread waits forever, also if
+//! the learner or the pool fails. Every frame is compared with the [reference](smaclite_tests::reference).
+//! That such a learner sees the same bits as any other is tested in `stepping`.
 
 use smaclite_ipc::{ClientError, Supervisor, WaitStrategy};
 use smaclite_tests::fault::Fault;
