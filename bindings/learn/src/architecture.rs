@@ -5,7 +5,6 @@ use crate::linear::Tensor;
 use crate::mlp::{self, Mlp};
 use crate::units_network::{self, UnitsNetwork};
 use crate::universal::{self, Specialisation};
-use faer::MatRef;
 use rand_pcg::Pcg64Mcg;
 use smaclite_engine::{Sizes, TargetLayout, UnitLayout, UniversalRows};
 use smaclite_scenarios::Scenario;
@@ -208,7 +207,7 @@ impl Architecture {
         workspace.is_units = matches!(self, Architecture::Units(_));
         match self {
             Architecture::Flat(network) => {
-                network.forward(params, as_matrix(x, ids.len()), ids, &mut workspace.flat);
+                network.forward(params, x, ids, &mut workspace.flat);
             }
             Architecture::Units(network) => network.forward(params, x, ids, &mut workspace.units),
         }
@@ -227,15 +226,11 @@ impl Architecture {
     ) {
         match self {
             Architecture::Flat(network) => {
-                network.backward(params, as_matrix(x, ids.len()), ids, &mut workspace.flat, gradient);
+                network.backward(params, x, ids, &mut workspace.flat, gradient);
             }
             Architecture::Units(network) => network.backward(params, &mut workspace.units, gradient),
         }
     }
-}
-
-fn as_matrix(x: &[f32], rows: usize) -> MatRef<'_, f32> {
-    MatRef::from_row_major_slice(x, rows, x.len() / rows.max(1))
 }
 
 #[cfg(test)]

@@ -20,7 +20,7 @@ pub(crate) struct Tensor {
     pub range: Range<usize>,
 }
 
-/// A map of which networks over units are made, and where its parameters lie in the vector of a network's
+/// A map of which networks are made, and where its parameters lie in the vector of a network's
 /// parameters. `weight` is `[n_out, n_in]`, row-major as in PyTorch.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Linear {
@@ -83,6 +83,12 @@ impl Linear {
         for (param, weight) in params[self.weight.clone()].iter_mut().zip(weights) {
             *param = (gain * weight) as f32;
         }
+    }
+
+    /// Where W and b are, for tests that compute with other numbers.
+    #[cfg(test)]
+    pub fn ranges(&self) -> [Range<usize>; 2] {
+        [self.weight.clone(), self.bias.clone()]
     }
 
     fn weight_of<'a>(&self, params: &'a [f32]) -> MatRef<'a, f32> {
@@ -166,18 +172,18 @@ fn multiply_rows(mut to: MatMut<'_, f32>, accum: Accum, a: MatRef<'_, f32>, b: M
 }
 
 /// Rows as a matrix.
-pub(crate) fn matrix(values: &[f32], rows: usize, columns: usize) -> MatRef<'_, f32> {
+fn matrix(values: &[f32], rows: usize, columns: usize) -> MatRef<'_, f32> {
     MatRef::from_row_major_slice(values, rows, columns)
 }
 
 /// The same to write to.
-pub(crate) fn matrix_mut(values: &mut [f32], rows: usize, columns: usize) -> MatMut<'_, f32> {
+fn matrix_mut(values: &mut [f32], rows: usize, columns: usize) -> MatMut<'_, f32> {
     MatMut::from_row_major_slice_mut(values, rows, columns)
 }
 
 /// `to = a b` or `to += a b`. The order of faer's sums in a product of a matrix and a vector depends on the
 /// address of the vector, which differs from run to run; so those are computed here.
-pub(crate) fn multiply(mut to: MatMut<'_, f32>, accum: Accum, a: MatRef<'_, f32>, b: MatRef<'_, f32>) {
+fn multiply(mut to: MatMut<'_, f32>, accum: Accum, a: MatRef<'_, f32>, b: MatRef<'_, f32>) {
     if to.nrows() > 1 && to.ncols() > 1 {
         return matmul(to, accum, a, b, 1.0, Par::Seq);
     }

@@ -18,31 +18,20 @@
 //! padded to a multiple of [`WIDTH`] with rows of W that stay zero, because nothing depends on them.
 
 use crate::config::Activation;
-use crate::linear::{Tensor, add_bias, differentiate, matrix, matrix_mut, multiply, orthogonal, sum_rows};
+use crate::linear::{Linear, Tensor, add_bias, differentiate};
 use crate::math::{WIDTH, vectorised};
-use faer::{Accum, MatRef};
+use faer::Accum;
 use rand_pcg::Pcg64Mcg;
 use std::ops::Range;
 
 /// The architecture of a network, and where its parameters lie in their vector.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Mlp {
-    layers: Vec<Layer>,
+    layers: Vec<Linear>,
     /// `[n_ids, width of the first layer]`; empty without agent ids.
     id_bias: Range<usize>,
     activation: Activation,
-    n_out: usize,
     n_params: usize,
-}
-
-/// A layer: `weight` is `[n_out, n_in]`, row-major as in PyTorch, and `bias` is `[n_out]`.
-#[derive(Clone, Debug, PartialEq)]
-struct Layer {
-    n_in: usize,
-    /// Padded in the last layer.
-    n_out: usize,
-    weight: Range<usize>,
-    bias: Range<usize>,
 }
 
 /// The memory of a forward and a backward pass. It holds no state between passes, and only grows.
@@ -71,7 +60,7 @@ impl Workspace {
         self.deltas.resize_with(n_layers, Vec::new);
         for (i, layer) in mlp.layers.iter().enumerate() {
             for buffer in [&mut self.outputs[i], &mut self.deltas[i]] {
-                buffer.resize(buffer.len().max(rows * layer.n_out), 0.0);
+                buffer.resize(buffer.len().max(rows * layer.n_out()), 0.0);
             }
         }
     }
@@ -80,21 +69,14 @@ impl Workspace {
 impl Mlp {
     /// A network with these widths, and `n_ids` agents that have a bias each (0 for none).
     pub fn new(n_in: usize, hidden: &[usize], n_out: usize, n_ids: usize, activation: Activation) -> Mlp {
-        let mut end = 0;
-        let mut place = |len: usize| {
-            end += len;
-            end - len..end
-        };
-        let mut widths = vec![n_in];
-        widths.extend(hidden);
-        widths.push(n_out.next_multiple_of(WIDTH));
-        let layer = |pair: &[usize]| {
-            let (n_in, n_out) = (pair[0], pair[1]);
-            Layer { n_in, n_out, weight: place(n_in * n_out), bias: place(n_out) }
-        };
-        let layers: Vec<Layer> = widths.windows(2).map(layer).collect();
-        let id_bias = place(n_ids * widths[1]);
-        Mlp { layers, id_bias, activation, n_out, n_params: end }
+        let (mut below, mut end) = (n_in, 0);
+        let mut layers = Vec::with_capacity(hidden.len() + 1);
+        for &width in hidden {
+            layers.push(Linear::new(std::mem::replace(&mut below, width), width, &mut end));
+        }
+        layers.push(Linear::padded(below, n_out, n_out.next_multiple_of(WIDTH), &mut end));
+        let id_bias = end..end + n_ids * layers[0].n_out();
+        Mlp { layers, activation, n_params: id_bias.end, id_bias }
     }
 
     /// Length of the vector of parameters.
@@ -104,32 +86,15 @@ impl Mlp {
 
     /// Outputs per row, padded to a multiple of [`WIDTH`].
     pub fn padded_out(&self) -> usize {
-        self.last().n_out
-    }
-
-    fn last(&self) -> &Layer {
-        self.layers.last().expect("a network has layers")
+        self.layers.last().map_or(0, Linear::n_out)
     }
 
     /// The parameter tensors, in their order in the vector.
     pub fn tensors(&self) -> Vec<Tensor> {
-        let mut tensors = Vec::new();
-        for (i, layer) in self.layers.iter().enumerate() {
-            let n_out = if i + 1 == self.layers.len() { self.n_out } else { layer.n_out };
-            let part = |range: &Range<usize>, len: usize| range.start..range.start + len;
-            tensors.push(Tensor {
-                name: format!("{i}.weight"),
-                shape: vec![n_out, layer.n_in],
-                range: part(&layer.weight, n_out * layer.n_in),
-            });
-            tensors.push(Tensor {
-                name: format!("{i}.bias"),
-                shape: vec![n_out],
-                range: part(&layer.bias, n_out),
-            });
-        }
+        let layers = self.layers.iter().enumerate();
+        let mut tensors: Vec<Tensor> = layers.flat_map(|(i, layer)| layer.tensors(&i.to_string())).collect();
         if !self.id_bias.is_empty() {
-            let width = self.layers[0].n_out;
+            let width = self.layers[0].n_out();
             let (shape, range) = (vec![self.id_bias.len() / width, width], self.id_bias.clone());
             tensors.push(Tensor { name: "id_bias".to_owned(), shape, range });
         }
@@ -144,28 +109,23 @@ impl Mlp {
         let mut params = vec![0.0; self.n_params];
         for (i, layer) in self.layers.iter().enumerate() {
             let is_last = i + 1 == self.layers.len();
-            let (n_out, gain) = if is_last { (self.n_out, last_gain) } else { (layer.n_out, 2.0f64.sqrt()) };
-            let weights = orthogonal(n_out, layer.n_in, generator);
-            for (param, weight) in params[layer.weight.clone()].iter_mut().zip(weights) {
-                *param = (gain * weight) as f32;
-            }
+            layer.initialise(if is_last { last_gain } else { 2.0f64.sqrt() }, &mut params, generator);
         }
         params
     }
 
     /// Computes the outputs of all rows of `x`, `[rows, n_in]`; see [`Workspace::output`]. `ids` has the
     /// agent of each row, or nothing if the network has no agents.
-    pub fn forward(&self, params: &[f32], x: MatRef<'_, f32>, ids: &[u16], workspace: &mut Workspace) {
-        let rows = x.nrows();
+    pub fn forward(&self, params: &[f32], x: &[f32], ids: &[u16], workspace: &mut Workspace) {
+        let rows = x.len() / self.layers[0].n_in();
         assert!(self.id_bias.is_empty() || ids.len() == rows, "one agent per row");
         workspace.fit(self, rows);
         for (i, layer) in self.layers.iter().enumerate() {
             let (below, rest) = workspace.outputs.split_at_mut(i);
-            let z = &mut rest[0][..rows * layer.n_out];
-            let input = below.last().map_or(x, |input| matrix(&input[..rows * layer.n_in], rows, layer.n_in));
-            let weight = matrix(&params[layer.weight.clone()], layer.n_out, layer.n_in);
-            multiply(matrix_mut(z, rows, layer.n_out), Accum::Replace, input, weight.transpose());
-            let bias = &params[layer.bias.clone()];
+            let z = &mut rest[0][..rows * layer.n_out()];
+            let input = below.last().map_or(x, |input| &input[..rows * layer.n_in()]);
+            layer.products(params, input, z);
+            let bias = layer.bias(params);
             let id_bias = if i == 0 { &params[self.id_bias.clone()] } else { &[] };
             let activation = (i + 1 < self.layers.len()).then_some(self.activation);
             vectorised(
@@ -181,7 +141,7 @@ impl Mlp {
     pub fn backward(
         &self,
         params: &[f32],
-        x: MatRef<'_, f32>,
+        x: &[f32],
         ids: &[u16],
         workspace: &mut Workspace,
         gradient: &mut [f32],
@@ -192,20 +152,12 @@ impl Mlp {
         std::mem::swap(&mut outputs[last], &mut deltas[last]);
         for (i, layer) in self.layers.iter().enumerate().rev() {
             let (lower, upper) = deltas.split_at_mut(i);
-            let delta = &upper[0][..rows * layer.n_out];
-            let below = i.checked_sub(1).map(|below| &outputs[below][..rows * layer.n_in]);
-            let input = below.map_or(x, |input| matrix(input, rows, layer.n_in));
-            let g = matrix(delta, rows, layer.n_out);
-            let into = matrix_mut(&mut gradient[layer.weight.clone()], layer.n_out, layer.n_in);
-            multiply(into, Accum::Add, g.transpose(), input);
-            vectorised(
-                #[inline(always)]
-                || sum_rows(&mut gradient[layer.bias.clone()], delta),
-            );
+            let delta = &upper[0][..rows * layer.n_out()];
+            let below = i.checked_sub(1).map(|below| &outputs[below][..rows * layer.n_in()]);
+            layer.backward(below.unwrap_or(x), delta, gradient);
             if let (Some(below), Some(lower)) = (below, lower.last_mut()) {
-                let lower = &mut lower[..rows * layer.n_in];
-                let weight = matrix(&params[layer.weight.clone()], layer.n_out, layer.n_in);
-                multiply(matrix_mut(lower, rows, layer.n_in), Accum::Replace, g, weight);
+                let lower = &mut lower[..rows * layer.n_in()];
+                layer.lower(params, delta, Accum::Replace, lower);
                 vectorised(
                     #[inline(always)]
                     || differentiate(lower, below, self.activation),
@@ -213,7 +165,7 @@ impl Mlp {
             } else {
                 vectorised(
                     #[inline(always)]
-                    || sum_rows_by_id(&mut gradient[self.id_bias.clone()], delta, ids, layer.n_out),
+                    || sum_rows_by_id(&mut gradient[self.id_bias.clone()], delta, ids, layer.n_out()),
                 );
             }
         }

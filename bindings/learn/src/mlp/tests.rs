@@ -1,19 +1,20 @@
 //! Tests of `mlp`: the same network written with loops in f64, whose finite differences are the gradient.
 
 use super::*;
+use crate::linear::orthogonal;
 use crate::random::{Purpose, generator, uniform};
 
 /// The network with loops, in f64.
 fn naive(mlp: &Mlp, params: &[f64], x: &[f64], id: Option<usize>) -> Vec<f64> {
     let mut a = x.to_vec();
     for (i, layer) in mlp.layers.iter().enumerate() {
-        let weight = &params[layer.weight.clone()];
-        a = (0..layer.n_out)
+        let [weight, bias] = layer.ranges().map(|range| &params[range]);
+        a = (0..layer.n_out())
             .map(|o| {
-                let product: f64 = a.iter().zip(&weight[o * layer.n_in..]).map(|(a, w)| a * w).sum();
-                let mut z = product + params[layer.bias.clone()][o];
+                let product: f64 = a.iter().zip(&weight[o * layer.n_in()..]).map(|(a, w)| a * w).sum();
+                let mut z = product + bias[o];
                 if let (0, Some(id)) = (i, id) {
-                    z += params[mlp.id_bias.clone()][id * layer.n_out + o];
+                    z += params[mlp.id_bias.clone()][id * layer.n_out() + o];
                 }
                 match mlp.activation {
                     _ if i + 1 == mlp.layers.len() => z,
@@ -45,13 +46,12 @@ fn check(rows: usize, hidden: &[usize], n_ids: usize, activation: Activation) {
         (0..rows).map(of_row).sum()
     };
     let (mut workspace, mut gradient) = (Workspace::default(), vec![0.0; mlp.n_params()]);
-    let x = matrix(&x, rows, 5);
-    mlp.forward(&params, x, &ids, &mut workspace);
+    mlp.forward(&params, &x, &ids, &mut workspace);
     let outputs = workspace.output();
     let computed: f64 = outputs.iter().zip(&factors).map(|(z, f)| f64::from(*z) * f64::from(*f)).sum();
     assert!((computed - loss(&wide)).abs() < 1e-4, "{computed} {}", loss(&wide));
     outputs.copy_from_slice(&factors);
-    mlp.backward(&params, x, &ids, &mut workspace, &mut gradient);
+    mlp.backward(&params, &x, &ids, &mut workspace, &mut gradient);
     for i in 0..mlp.n_params() {
         let at = |change: f64| {
             let mut params = wide.clone();
@@ -108,6 +108,7 @@ fn padding_is_zero_and_not_among_the_tensors() {
             named("id_bias", &[2, 4]),
         ]
     );
-    let padding = mlp.last().weight.start + 3 * 4..mlp.last().weight.end;
+    let [weight, _] = mlp.layers[1].ranges();
+    let padding = weight.start + 3 * 4..weight.end;
     assert!(padding.len() == 5 * 4 && params[padding].iter().all(|weight| *weight == 0.0));
 }
