@@ -119,6 +119,73 @@ def test_edited_columns_become_a_snapshot_again() -> None:
             sp.pack_snapshot(columns, "3m")
 
 
+def test_units_of_an_edited_snapshot_attack_the_other_side_and_heal_their_own() -> None:
+    """Enemies with targets of their own side shot each other to death."""
+    with sp.make("MMM", 1, rules="starcraft", fields=FIELDS) as envs:
+        columns = sp.snapshot_columns(envs.reset(seed=1).snapshot[0])
+        healer = 0  # the medivac
+        for column, unit, target, side in [
+            ("target", 11, 12, "the other"),
+            ("hit_target", 1, 2, "the other"),
+            ("last_attacked", 12, 13, "the other"),
+            ("attack_target", healer, 15, "its own"),
+        ]:
+            edited = {name: value.copy() for name, value in columns.items()}
+            edited[column][unit] = target
+            error = f"'{column}' must be a unit of {side} side, or -1, for unit {unit}, got {target}"
+            with pytest.raises(sp.errors.InvalidRequest, match=error):
+                sp.pack_snapshot(edited, envs)
+        columns["target"][healer] = 1
+        sp.pack_snapshot(columns, envs)
+
+
+def test_integers_that_do_not_fit_into_a_column_are_refused() -> None:
+    """They became others: 2**32 + 1 was 1."""
+    with sp.make("3m", 1, fields=FIELDS) as envs:
+        columns = sp.snapshot_columns(envs.reset(seed=1).snapshot[0])
+        for column, value in [
+            ("target", np.full(6, 2**32 + 4)),
+            ("last_action", np.array([2**32 + 3] * 3 + [-1] * 3)),
+            ("episode_length", np.asarray(2**32 + 7, np.uint64)),
+        ]:
+            with pytest.raises(sp.errors.InvalidRequest, match=f"column `{column}` must fit into u?int32"):
+                sp.pack_snapshot({**columns, column: value}, envs)
+
+
+def test_a_drawn_unit_gets_a_type_of_another_plane() -> None:
+    """It was refused, for columns that were not edited."""
+    with sp.make("terran_5_vs_5", 1, fields=FIELDS) as envs:
+        types = [unit_type["unit_type"] for unit_type in sp.scenario(envs)["unit_types"]]
+        marine, medivac = types.index("MARINE"), types.index("MEDIVAC")
+        columns = next(
+            columns
+            for seed in range(99)
+            for columns in [sp.snapshot_columns(envs.reset(seed=seed).snapshot[0])]
+            if marine in columns["unit_type"][:5]
+        )
+        columns["unit_type"][list(columns["unit_type"]).index(marine)] = medivac
+        batch = envs.reset(snapshots=sp.pack_snapshot(columns, envs))
+        assert list(sp.snapshot_columns(batch.snapshot[0])["unit_type"]) == list(columns["unit_type"])
+        steps(envs, 30)
+
+
+def test_what_flies_at_a_unit_that_was_edited_to_be_dead_earns_nothing() -> None:
+    groups = [{"x": 9, "y": 16, "faction": "ALLY", "units": {"STALKER": 2}}]
+    groups += [{"x": 16, "y": y, "faction": "ENEMY", "units": {"SPINE_CRAWLER": 1}} for y in (14, 18)]
+    keys: dict[str, Any] = {"groups": groups, "num_enemy_units": 2}
+    with sp.make("2s_vs_1sc", 1, rules="starcraft", fields=FIELDS, **keys) as envs:
+        batch = envs.reset(seed=1)
+        while True:  # until a projectile is in the air
+            batch = envs.step(np.where(batch.avail_actions[..., 6], 6, 4))
+            columns = sp.snapshot_columns(batch.snapshot[0])
+            if columns["hits"][:2].any():
+                break
+        columns["alive"][2] = False  # the enemy that it flies at
+        envs.reset(snapshots=sp.pack_snapshot(columns, envs))
+        batch = envs.step(np.ones((1, 2), np.int32))
+        assert batch.reward[0] == 0 and sp.snapshot_columns(batch.snapshot[0])["hp"][2] == 0
+
+
 def test_battles_continue_in_environments_that_were_not_reset() -> None:
     with sp.make("3m", 2, seed=0, fields=FIELDS) as envs, sp.make("3m", 2, seed=7, fields=FIELDS) as others:
         kept = envs.reset(seed=1).snapshot

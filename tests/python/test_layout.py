@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,6 +25,31 @@ def played(scenario: str) -> list[dict[str, Any]]:
             actions = envs.sample_actions()
             batches.append({**envs.step(actions).copy(), "actions": actions[0]})
     return batches
+
+
+def test_the_hash_tells_scenarios_apart_by_all_that_is_played(tmp_path: Path) -> None:
+    """That of the learners in PyTorch left out damage, rewards and opponents."""
+    repository = Path(__file__).parents[2]
+    unit = json.loads((repository / "units/data/MARINE.json").read_text())
+    scenario = json.loads((repository / "scenarios/data/3m.json").read_text())
+    scenario["custom_unit_path"] = "."
+    for group in scenario["groups"]:
+        group["units"] = {"SOLDIER": 3}
+
+    def hash_of(of_unit: dict[str, Any], of_scenario: dict[str, Any]) -> str:
+        (tmp_path / "SOLDIER.json").write_text(json.dumps(unit | of_unit))
+        (tmp_path / "own.json").write_text(json.dumps(scenario | of_scenario))
+        return sp.scenario(tmp_path / "own.json")["hash"]
+
+    same = hash_of({}, {})
+    changes: list[tuple[dict[str, Any], dict[str, Any]]] = [
+        ({"damage": unit["damage"] + 1}, {}),
+        ({"speed": unit["speed"] + 1}, {}),
+        ({}, {"rewards": {"reward_win": 1}}),
+        ({}, {"opponent": "attack_nearest"}),
+    ]
+    hashes = {hash_of(*change) for change in changes}
+    assert len(hashes | {same}) == 5 and same == hash_of({}, {}) and len(same) == 16
 
 
 @pytest.mark.parametrize("scenario", sp.scenarios())

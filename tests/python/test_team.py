@@ -55,6 +55,19 @@ def test_a_team_plays_as_the_program_plays_it(folder: Path, greedy: bool) -> Non
         assert abs(ours.mean_return - result["mean_return"]) < 5 * error
 
 
+def test_a_team_that_plays_the_enemies_draws_its_actions() -> None:
+    """With `--greedy`, that of the enemies was greedy, too, which it never is in training."""
+    options = ["--opponent", "zoo:2s3z", "--episodes=256", "--seed=5", "--greedy", "--json"]
+    result = json.loads(program("evaluate", "zoo:2s3z", *options).stdout.splitlines()[-1])
+    rivals = [sp.load_team("2s3z", side="enemies", greedy=greedy, seed=1) for greedy in (False, True)]
+    with sp.make("2s3z", 64, **rivals[0].settings) as envs:
+        team = sp.load_team("2s3z", greedy=True)
+        drawn, greedy = (sp.evaluate(envs, team, episodes=256, seed=5, against=rival) for rival in rivals)
+    error = (result["return_deviation"] ** 2 * 2 / 256) ** 0.5
+    assert abs(drawn.mean_return - result["mean_return"]) < 5 * error
+    assert abs(greedy.mean_return - result["mean_return"]) > 5 * error
+
+
 @pytest.mark.parametrize("scenario", ["MMM", "terran_5_vs_5"])
 def test_a_team_over_units_plays_as_the_program_plays_it(tmp_path: Path, scenario: str) -> None:
     """With a healer among the agents, known by its type, which in one of the scenarios is drawn."""

@@ -328,6 +328,40 @@ def test_a_pool_that_ends_and_runs_again_is_shown_again(browser: Any, programs_o
         page.wait(lambda: "step" in page.text(".cell >> nth=2") and page.text("#state") == "Live")
 
 
+PLAYER = """
+import signal
+import smaclite_pool as sp
+from time import sleep
+
+ended = []
+signal.signal(signal.SIGUSR1, lambda *_: ended.append(None))
+for number, rules in enumerate(["smaclite", "starcraft"]):
+    with sp.make("3m", 2, name="train", rules=rules, threads=1) as envs:
+        envs.reset(seed=1)
+        print("playing", flush=True)
+        while len(ended) <= number:
+            envs.step(envs.sample_actions())
+            sleep(0.05)
+"""
+
+
+def test_a_pool_that_the_same_process_makes_again_is_another_one(
+    browser: Any, programs_of_test: Programs
+) -> None:
+    """As a notebook cell that is run twice does. A page that followed a battle went on with the rules of the
+    first pool, and the curves mixed the counts of both."""
+    player = programs_of_test.start(sys.executable, "-c", PLAYER)
+    assert player.stdout is not None and player.stdout.readline() == "playing\n"
+    with WatchPage(browser, programs_of_test.watch()) as page:
+        page.follow(1)
+        assert "smaclite rules" in page.text("#lane-facts")
+        player.send_signal(signal.SIGUSR1)
+        assert player.stdout.readline() == "playing\n"
+        page.wait(lambda: "starcraft" in page.text("#lane-facts"))
+        page.wait(lambda: page.text("h1") == "Battle 1" and page.last > 0)
+        page.wait(lambda: not page.shown("#notice"))  # that no step was made yet
+
+
 def test_a_pool_that_runs_again_with_other_lanes_is_shown(browser: Any, programs_of_test: Programs) -> None:
     """The page said that the pool was gone, had no list of lanes, and its address kept the old one."""
     pool = programs_of_test.serve("2s3z:4")
