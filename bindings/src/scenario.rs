@@ -19,8 +19,8 @@ use smaclite_units::{Plane, Targeter, UnitType};
 ///
 /// Returns:
 ///     A dict with `name`, `hash` (16 hexadecimal digits, equal for scenarios and unit types that are equal
-///         in everything that files say), `width` and `height` (squares), `walkable` (rows of booleans, the southern row
-///         first), `attack_point` ([x, y]), `num_unit_types` (length of the type one-hot, 0 for none),
+///         in all that files say), `width` and `height` (squares), `walkable` (rows of booleans, the southern
+///         row first), `attack_point` ([x, y]), `num_unit_types` (length of the type one-hot, 0 for none),
 ///         `ally_has_shields` and `enemy_has_shields` (whether observations and state contain them),
 ///         `episode_limit` (steps or None), `teams_are_drawn` (whether each episode draws the types of the
 ///         units; then `allies` and `enemies` are one sample), `unit_types`, `actions` (the names of an

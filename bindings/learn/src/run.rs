@@ -124,8 +124,9 @@ impl Run {
         Run::begin_on_maps(folder, config, vec![(setup.clone(), lanes)], threads)
     }
 
-    /// The same on several maps at once, with [`NetworkKind::Universal`](crate::NetworkKind::Universal): what they play, and lanes that play it, with `config.num_envs` environments together. Each update
-    /// learns from all of them.
+    /// The same on several maps at once, with [`NetworkKind::Universal`](crate::NetworkKind::Universal): what
+    /// they play, and lanes that play it, with `config.num_envs` environments together. Each update learns
+    /// from all of them.
     ///
     /// # Errors
     /// As [`begin`](Self::begin), and if there is no map, or the configuration is for one map alone.
@@ -327,7 +328,8 @@ impl Run {
         Ok(Some(record))
     }
 
-    /// Trains to the end of the run, and returns `true`, or until it is interrupted; then writes a checkpoint.
+    /// Trains to the end of the run, and returns `true`, or until it is interrupted; then a checkpoint is
+    /// written.
     ///
     /// # Errors
     /// As [`update`](Run::update) and [`checkpoint`](Run::checkpoint). What was learnt until the pool failed

@@ -93,7 +93,7 @@ class Scenario(TypedDict):
 
     name: str
     hash: str
-    """16 hexadecimal digits, equal for scenarios and unit types that are equal in everything that files say."""
+    """16 hexadecimal digits, equal for scenarios and unit types that are equal in all that files say."""
     width: int
     """In squares."""
     height: int

@@ -4,7 +4,8 @@ use crate::{file, groups};
 use smaclite_scenarios::{Scenario, ScenarioFiles, UnitFile};
 use std::fs;
 
-pub const SCOUT: &str = r#"{"hp": 45, "armor": 0, "damage": 6, "cooldown": 3, "speed": 3.15, "attack_range": 3,
+pub const SCOUT: &str = r#"{"hp": 45, "armor": 0, "damage": 6, "cooldown": 3, "speed": 3.15,
+    "attack_range": 3,
                         "size": 3, "attributes": [], "valid_targets": []}"#;
 
 /// A folder with `units/scout.json`, `scout.json` of half the health, and a scenario that names `unit`.

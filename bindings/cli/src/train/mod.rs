@@ -1,5 +1,5 @@
-//! `smaclite-pool train`: train a team, or one per seed. The learner is `smaclite_learn`; `progress` shows how
-//! far it is.
+//! `smaclite-pool train`: train a team, or one per seed. The learner is `smaclite_learn`; `progress` shows
+//! how far it is.
 
 mod display;
 mod maps;
