@@ -187,6 +187,7 @@ def test_the_maps_of_smac_are_its_scenarios(tmp_path: Path) -> None:
         ours, theirs = sp.scenario(name), accepted(scenario_of(name, {}, {}), tmp_path)
         for scenario in (ours, theirs):  # these are in the order of first mention
             scenario["unit_types"].sort(key=lambda unit_type: unit_type["unit_type"])
+            scenario["hash"] = ""  # theirs have SMACv2's interface
         assert theirs == ours, name
 
 
