@@ -204,17 +204,11 @@ impl Tournament {
         }
         let setup = with_an_end(self.setup(&players)?);
         let pairings = pairings(&setup, &players)?;
-        let choice = Choice::of(greedy);
+        let play = Play { seed, choices: [Choice::of(greedy); 2] };
         let mut jobs = jobs(&pairings, episodes);
         let mut scratches: Vec<Scratch> = (0..self.threads.max(1)).map(|_| Scratch::new()).collect();
         parallel::run(jobs.iter_mut(), &mut scratches, interrupted, |job, scratch| {
-            Play { seed, choices: [choice; 2] }.episodes(
-                job.pairing,
-                &players,
-                job.first,
-                &mut job.ended,
-                scratch,
-            );
+            play.episodes(job.pairing, &players, job.first, &mut job.ended, scratch);
         })
         .map_err(|parallel::Interrupted| TournamentError::Interrupted)?;
         let ended = jobs.chunks(episodes.div_ceil(LOCKSTEP)).zip(&pairings).map(|(jobs, pairing)| {
