@@ -65,46 +65,6 @@ pub enum Axis {
     LevelColumn,
 }
 
-/// A field of a frame; the discriminant is its index in [`FIELDS`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(usize)]
-#[allow(missing_docs)] // `FIELDS` says what each one means
-pub enum Field {
-    EnvId,
-    Obs,
-    State,
-    AvailActions,
-    Alive,
-    Reward,
-    Terminated,
-    Truncated,
-    BattleWon,
-    DeadAllies,
-    DeadEnemies,
-    EpisodeReturn,
-    EpisodeLength,
-    WasReset,
-    FinalObs,
-    FinalState,
-    FinalAvailActions,
-    Snapshot,
-    Opponent,
-    Level,
-    RewardAgents,
-    EnemyObs,
-    EnemyState,
-    EnemyAvailActions,
-    EnemyAlive,
-    EnemyReward,
-    EnemyRewardAgents,
-    FinalEnemyObs,
-    FinalEnemyState,
-    FinalEnemyAvailActions,
-}
-
-/// How many fields there are.
-pub const FIELD_COUNT: usize = 30;
-
 /// Name, type, shape and meaning of a field. Every field has one leading axis, the slot.
 #[derive(Clone, Copy, Debug)]
 pub struct FieldSpec {
@@ -120,180 +80,79 @@ pub struct FieldSpec {
     pub meaning: &'static str,
 }
 
-const fn spec(
-    field: Field,
-    name: &'static str,
-    dtype: Dtype,
-    axes: &'static [Axis],
-    meaning: &'static str,
-) -> FieldSpec {
-    FieldSpec { field, name, dtype, axes, meaning }
+/// Declares the fields: names in Rust and elsewhere, types, axes after the slot and meanings.
+macro_rules! fields {
+    ($($field:ident $name:literal: $dtype:ident [$($axis:ident),*] $meaning:literal,)*) => {
+        /// A field of a frame; the discriminant is its index in [`FIELDS`].
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        #[repr(usize)]
+        #[allow(missing_docs)] // `FIELDS` says what each one means
+        pub enum Field {
+            $($field,)*
+        }
+
+        /// How many fields there are.
+        pub const FIELD_COUNT: usize = [$($name),*].len();
+
+        /// The table of fields, in their order in a frame.
+        pub const FIELDS: [FieldSpec; FIELD_COUNT] = [$(FieldSpec {
+            field: Field::$field,
+            name: $name,
+            dtype: Dtype::$dtype,
+            axes: &[$(Axis::$axis),*],
+            meaning: $meaning,
+        },)*];
+    };
 }
 
-use Axis::{Action, Agent, Enemy, EnemyAction, EnemyObs, EnemyState, Obs, State};
-use Dtype::{Bool, F32, I32, U8};
-
-/// The table of fields, in their order in a frame.
-pub const FIELDS: [FieldSpec; FIELD_COUNT] = [
-    spec(Field::EnvId, "env_id", I32, &[], "number of the environment"),
-    spec(Field::Obs, "obs", F32, &[Agent, Obs], "observation of each agent; zeros for dead agents"),
-    spec(Field::State, "state", F32, &[State], "global state, for training only"),
-    spec(
-        Field::AvailActions,
-        "avail_actions",
-        Bool,
-        &[Agent, Action],
-        "which actions are available in the next step",
-    ),
-    spec(Field::Alive, "alive", Bool, &[Agent], "which agents are alive"),
-    spec(Field::Reward, "reward", F32, &[], "team reward of the step just made"),
-    spec(
-        Field::Terminated,
-        "terminated",
-        Bool,
-        &[],
-        "the step ended the battle: all units of one side are dead",
-    ),
-    spec(
-        Field::Truncated,
-        "truncated",
-        Bool,
-        &[],
-        "the step reached the episode limit with both sides alive",
-    ),
-    spec(Field::BattleWon, "battle_won", Bool, &[], "the step ended the battle in a victory of the agents"),
-    spec(Field::DeadAllies, "dead_allies", I32, &[], "agents that died so far in the episode"),
-    spec(Field::DeadEnemies, "dead_enemies", I32, &[], "enemies that died so far in the episode"),
-    spec(
-        Field::EpisodeReturn,
-        "episode_return",
-        F32,
-        &[],
-        "sum of rewards so far; on an episode's last step its total",
-    ),
-    spec(
-        Field::EpisodeLength,
-        "episode_length",
-        I32,
-        &[],
-        "steps so far; on an episode's last step its total",
-    ),
-    spec(
-        Field::WasReset,
-        "was_reset",
-        Bool,
-        &[],
+fields! {
+    EnvId "env_id": I32 [] "number of the environment",
+    Obs "obs": F32 [Agent, Obs] "observation of each agent; zeros for dead agents",
+    State "state": F32 [State] "global state, for training only",
+    AvailActions "avail_actions": Bool [Agent, Action] "which actions are available in the next step",
+    Alive "alive": Bool [Agent] "which agents are alive",
+    Reward "reward": F32 [] "team reward of the step just made",
+    Terminated "terminated": Bool [] "the step ended the battle: all units of one side are dead",
+    Truncated "truncated": Bool [] "the step reached the episode limit with both sides alive",
+    BattleWon "battle_won": Bool [] "the step ended the battle in a victory of the agents",
+    DeadAllies "dead_allies": I32 [] "agents that died so far in the episode",
+    DeadEnemies "dead_enemies": I32 [] "enemies that died so far in the episode",
+    EpisodeReturn "episode_return": F32 [] "sum of rewards so far; on an episode's last step its total",
+    EpisodeLength "episode_length": I32 [] "steps so far; on an episode's last step its total",
+    WasReset "was_reset": Bool []
         "no step was made: the environment was reset, restored or only observed again; nothing to learn from",
-    ),
-    spec(
-        Field::FinalObs,
-        "final_obs",
-        F32,
-        &[Agent, Obs],
+    FinalObs "final_obs": F32 [Agent, Obs]
         "same-step autoreset: last obs of an episode that ended in this step; unspecified elsewhere",
-    ),
-    spec(Field::FinalState, "final_state", F32, &[State], "same-step autoreset: last state, as final_obs"),
-    spec(
-        Field::FinalAvailActions,
-        "final_avail_actions",
-        Bool,
-        &[Agent, Action],
+    FinalState "final_state": F32 [State] "same-step autoreset: last state, as final_obs",
+    FinalAvailActions "final_avail_actions": Bool [Agent, Action]
         "same-step autoreset: last avail_actions, as final_obs",
-    ),
-    spec(
-        Field::Snapshot,
-        "snapshot",
-        U8,
-        &[Axis::Snapshot],
+    Snapshot "snapshot": U8 [Snapshot]
         "the battle as bytes, to restore it later; only in lanes that name this field",
-    ),
-    spec(
-        Field::Opponent,
-        "opponent",
-        I32,
-        &[],
+    Opponent "opponent": I32 []
         "what plays the enemies in the episode: index in `OPPONENTS`; only in lanes that name this field",
-    ),
-    spec(
-        Field::Level,
-        "level",
-        F32,
-        &[Axis::Unit, Axis::LevelColumn],
+    Level "level": F32 [Unit, LevelColumn]
         "how the episode of `obs` began, or the state that was restored since: type, x, y, health and life \
          of each unit; only in lanes that name this field",
-    ),
-    spec(
-        Field::RewardAgents,
-        "reward_agents",
-        F32,
-        &[Agent],
+    RewardAgents "reward_agents": F32 [Agent]
         "share of each agent in reward: what its own hits earned, and an equal part of what nobody's did; \
          only in lanes that name this field",
-    ),
-    spec(
-        Field::EnemyObs,
-        "enemy_obs",
-        F32,
-        &[Enemy, EnemyObs],
+    EnemyObs "enemy_obs": F32 [Enemy, EnemyObs]
         "both sides: observation of each enemy; zeros for dead ones and those that a script plays",
-    ),
-    spec(
-        Field::EnemyState,
-        "enemy_state",
-        F32,
-        &[EnemyState],
+    EnemyState "enemy_state": F32 [EnemyState]
         "both sides: global state from the enemies' side, for training only",
-    ),
-    spec(
-        Field::EnemyAvailActions,
-        "enemy_avail_actions",
-        Bool,
-        &[Enemy, EnemyAction],
+    EnemyAvailActions "enemy_avail_actions": Bool [Enemy, EnemyAction]
         "both sides: which actions are available to the enemies in the next step",
-    ),
-    spec(
-        Field::EnemyAlive,
-        "enemy_alive",
-        Bool,
-        &[Enemy],
-        "both sides: which enemies are alive and played by actions",
-    ),
-    spec(
-        Field::EnemyReward,
-        "enemy_reward",
-        F32,
-        &[],
-        "both sides: the enemies' reward of the step just made",
-    ),
-    spec(
-        Field::EnemyRewardAgents,
-        "enemy_reward_agents",
-        F32,
-        &[Enemy],
+    EnemyAlive "enemy_alive": Bool [Enemy] "both sides: which enemies are alive and played by actions",
+    EnemyReward "enemy_reward": F32 [] "both sides: the enemies' reward of the step just made",
+    EnemyRewardAgents "enemy_reward_agents": F32 [Enemy]
         "both sides: share of each enemy in enemy_reward, as reward_agents; lanes must name this field",
-    ),
-    spec(
-        Field::FinalEnemyObs,
-        "final_enemy_obs",
-        F32,
-        &[Enemy, EnemyObs],
+    FinalEnemyObs "final_enemy_obs": F32 [Enemy, EnemyObs]
         "both sides, same-step autoreset: last enemy_obs, as final_obs",
-    ),
-    spec(
-        Field::FinalEnemyState,
-        "final_enemy_state",
-        F32,
-        &[EnemyState],
+    FinalEnemyState "final_enemy_state": F32 [EnemyState]
         "both sides, same-step autoreset: last enemy_state, as final_obs",
-    ),
-    spec(
-        Field::FinalEnemyAvailActions,
-        "final_enemy_avail_actions",
-        Bool,
-        &[Enemy, EnemyAction],
+    FinalEnemyAvailActions "final_enemy_avail_actions": Bool [Enemy, EnemyAction]
         "both sides, same-step autoreset: last enemy_avail_actions, as final_obs",
-    ),
-];
+}
 
 impl Field {
     /// The field's row of the table.
@@ -324,18 +183,5 @@ impl Field {
     /// The field of that name.
     pub fn from_name(name: &str) -> Option<Field> {
         FIELDS.iter().find(|f| f.name == name).map(|f| f.field)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn discriminants_are_indices_into_the_table() {
-        for (i, spec) in FIELDS.iter().enumerate() {
-            assert_eq!(spec.field as usize, i, "{}", spec.name);
-            assert_eq!(Field::from_name(spec.name), Some(spec.field));
-        }
     }
 }
