@@ -6,7 +6,7 @@ episode on both and stops at the first difference. `recording` records an episod
 environment tick by tick. `examine` tells differences from ties, keeps and shrinks them; `run` does so
 with many episodes; `__main__` is the command.
 
-`trained` is the command that plays a trained team on both sides, and `team` is such a team in NumPy.
+`trained` is the command that plays a trained team on both sides, and `team` is such a team.
 `command` has what both commands need.
 
 Only `published` and `recording` import the published package, and nothing here is part of its code.

@@ -1,4 +1,4 @@
-"""A trained team in NumPy: the files of a run of `smaclite-pool train`, and what the team plays."""
+"""A trained team that plays either environment: it is asked with what an agent sees there."""
 
 from __future__ import annotations
 

@@ -71,7 +71,7 @@ class FailingBattle(PoolBattle):
         raise PublishedFailure("a laser beam found no unit")
 
 
-def test_the_team_in_numpy_plays_as_in_the_program(folder: Path) -> None:
+def test_the_team_plays_here_as_in_the_program(folder: Path) -> None:
     """With the most probable actions, the same seeds give the same episodes."""
     numbers = ["--episodes", str(EPISODES), "--seed", str(SEED)]
     lines = program("evaluate", folder, *numbers, "--greedy", "--json").stdout.splitlines()
