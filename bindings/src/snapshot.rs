@@ -193,9 +193,11 @@ fn column_bytes<'py>(
     }
     let array = numpy.call_method1("ascontiguousarray", (&value, dtype))?;
     // Integers that do not fit become others; floats only lose digits, or are infinite, which is refused.
-    let is_integer = array.getattr("dtype")?.getattr("kind")?.extract::<String>()? != "f";
-    let equal = numpy.call_method1("array_equal", (array.call_method1("reshape", (shape,))?, &value))?;
-    if is_integer && !equal.extract::<bool>()? {
+    let is_float = array.getattr("dtype")?.getattr("kind")?.extract::<String>()? == "f";
+    let is_equal = |array: Bound<'py, PyAny>| -> PyResult<bool> {
+        numpy.call_method1("array_equal", (array, &value))?.extract()
+    };
+    if !is_float && !is_equal(array.call_method1("reshape", (shape,))?)? {
         let message = format!("column `{name}` must fit into {dtype}, got {}", shortened(&value.to_string()));
         return Err(invalid_request(message));
     }
