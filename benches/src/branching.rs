@@ -3,7 +3,7 @@
 use smaclite_cli::bench::throughput::median;
 use smaclite_engine::BattleSetup;
 use smaclite_ipc::{
-    Client, LaneConfig, Order, RuntimeDir, Supervisor, SupervisorConfig, WaitOptions, WaitStrategy,
+    Client, LaneConfig, Order, RuntimeDir, Seeds, Supervisor, SupervisorConfig, WaitOptions, WaitStrategy,
 };
 use smaclite_pool::fields::{Field, FieldSet};
 use smaclite_pool::{LaneSettings, PoolOptions};
@@ -58,13 +58,13 @@ impl Lane {
     /// Environment 0 becomes all of them.
     fn fork(&mut self) -> Result<(), Box<dyn Error>> {
         let all: Vec<i32> = (0..NUM_ENVS as i32).collect();
-        let fork = Order::Fork { from: &[0; NUM_ENVS], seed: None };
+        let fork = Order::Fork { from: &[0; NUM_ENVS], seeds: Seeds::Continue };
         self.client.request(fork, Some(&all), WaitOptions::forever())?;
         Ok(())
     }
 
     fn restore(&mut self) -> Result<(), Box<dyn Error>> {
-        let restore = Order::Restore { snapshots: &self.snapshots, seed: None };
+        let restore = Order::Restore { snapshots: &self.snapshots, seeds: Seeds::Continue };
         self.client.request(restore, None, WaitOptions::forever())?;
         Ok(())
     }

@@ -9,7 +9,7 @@ mod requests;
 mod shared;
 
 use self::render::{Renderer, SheetStyle, render_batch};
-use self::requests::{ResetArguments, Start, begin_step, receive};
+use self::requests::begin_step;
 use self::shared::{ClientGuard, SharedClient};
 use crate::arrays::{self, Int32Array, env_ids};
 use crate::batch::Batch;
@@ -20,8 +20,7 @@ use crate::habits::{Place, cannot_be_copied, no_attribute, refuse_keywords};
 use crate::lane_spec::lane_spec;
 use crate::query::runtime_dir;
 use crate::recorder::RecordingToFile;
-use crate::seeds::Seeds;
-use crate::wait::{Deadline, interruptible, run_on_thread, wait_detached};
+use crate::wait::{interruptible, run_on_thread, wait_detached};
 use numpy::{PyArray2, PyArray3, PyArrayMethods};
 use pyo3::exceptions::PyRuntimeWarning;
 use pyo3::prelude::*;
@@ -31,7 +30,6 @@ use smaclite_ipc::{
     Client, ClientError, ConnectError, ControlSocketError, LaneDescription, Order, Supervisor, WaitOptions,
     lane_scenario,
 };
-use smaclite_pool::Rejection;
 use smaclite_pool::layout::Layout;
 use smaclite_scenarios::Scenario;
 use std::ffi::CString;
@@ -53,8 +51,7 @@ pub struct Embedded {
 /// `timeout` is a number of seconds, at least 0; None means no limit. Ctrl-C interrupts every wait. After
 /// Timeout or KeyboardInterrupt the batch is still being computed, or there: call `recv` to get it, or
 /// `reset` to discard it; where Ctrl-C came with the batch, the next request of a synchronous lane discards
-/// it, too. A reset with snapshots of a lane that was not reset before, or with a list of seeds, is of
-/// several requests: if it ends before the last is sent, only a reset of all environments can follow.
+/// it, too.
 ///
 /// In an asynchronous lane, `step`, `reset` and `fork` raise InvalidRequest if fewer than M results are
 /// outstanding with those that they request; what they request is done nevertheless.
@@ -132,15 +129,15 @@ impl Envs {
         py: Python<'_>,
         env_id_from: &Bound<'_, PyAny>,
         env_id_to: &Bound<'_, PyAny>,
-        seed: Option<IntArg>,
+        seed: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<ClientGuard<'_>> {
-        let seed = seed.map(|seed| to_unsigned("seed", seed)).transpose()?;
         let from = arrays::int32_array("env_id_from", env_id_from, &[None])?;
         let to = arrays::int32_array("env_id_to", env_id_to, &[None])?;
         let (from, to) = (from.as_slice()?.to_vec(), to.as_slice()?.to_vec());
+        let seeds = self.seeds(seed, Some(&to))?;
         let mut guard = self.shared.try_lock()?;
         let client = guard.client();
-        let fork = Order::Fork { from: &from, seed };
+        let fork = Order::Fork { from: &from, seeds: seeds.as_deref() };
         wait_detached(py, None, |wait| client.send(fork, Some(&to), wait))?;
         Ok(guard)
     }
@@ -168,8 +165,7 @@ impl Envs {
     ///     seed: from 0 to `2**64 - 1`; environment i is seeded with seed + i. Or a list of one seed per
     ///         environment that is reset, as Gymnasium's vector environments take it. None, also in the list,
     ///         continues an environment's random generator; the first reset after `make` or `connect` then
-    ///         uses the seed of `make` or `smaclite-pool serve`. In an asynchronous lane the seeds of a list
-    ///         must be consecutive.
+    ///         uses the seed of `make` or `smaclite-pool serve`.
     ///     mask: bool [N], the environments to reset. Cannot be combined with `env_id`.
     ///     env_id: integers [K], the ids of the environments to reset. None, the default, resets all.
     ///     levels: float32 [K, n_units, 5], how the episodes of these environments begin: for each agent and
@@ -181,9 +177,10 @@ impl Envs {
     ///         `snapshot` of this or another lane of the same scenario, rule set and `obs_last_actions`. The
     ///         lane needs the field (`make(..., fields=[..., "snapshot"])`). No step is made: rewards are 0,
     ///         and `was_reset` is true of all environments in the batch. Either all selected environments
-    ///         change, or none; a synchronous lane that was not reset before is reset first. With a seed, one
-    ///         integer, environment i continues with the execution orders of seed + i; without one, with
-    ///         those that would have been drawn.
+    ///         change, or none. If this is the first reset after `make` or `connect`, the others begin new
+    ///         episodes; in an asynchronous lane it must then be of all environments. Those with a seed go on
+    ///         with the execution orders that a reset with it would draw, others with those that would have
+    ///         been drawn.
     ///     timeout: seconds to wait for the batch; None for no limit.
     ///
     /// Raises:
@@ -216,37 +213,11 @@ impl Envs {
         let known = ["seed", "mask", "env_id", "timeout", "levels", "snapshots"];
         refuse_keywords(Place::Reset, "reset", unknown, &known)?;
         let timeout = to_duration(timeout)?;
-        let ResetArguments { ids, start } = self.reset_arguments(mask, env_id, levels, snapshots)?;
-        let ids = ids.as_deref();
-        let seeds = Seeds::new(seed, ids.map_or(self.description.settings.num_envs, <[i32]>::len))?;
+        let arguments = self.reset_arguments(seed, mask, env_id, levels, snapshots)?;
+        let (order, ids) = (arguments.order(), arguments.ids());
         let mut guard = self.shared.try_lock()?;
-        let (client, is_incomplete) = guard.for_reset(ids.is_none());
-        let was_incomplete = *is_incomplete;
-        *is_incomplete &= ids.is_some(); // a reset of all discards what was not received
-        let batch = match start {
-            Start::Episode { levels } => {
-                seeds.reset(py, client, is_incomplete, ids, levels.as_deref(), timeout)
-            }
-            Start::Snapshots(snapshots) => {
-                let restore = Order::Restore { snapshots: &snapshots, seed: seeds.one()? };
-                let is_synchronous = client.description().settings.is_synchronous();
-                let send = |client: &mut Client| {
-                    wait_detached(py, None, |wait| match client.send(restore, ids, wait) {
-                        Err(ClientError::Rejected(Rejection::NotReset)) if is_synchronous => Ok(false),
-                        sent => sent.map(|()| true),
-                    })
-                };
-                // A lane begins with a reset of all, which the snapshots then replace.
-                let deadline = Deadline::after(timeout);
-                if was_incomplete || !send(client)? {
-                    *is_incomplete = true;
-                    wait_detached(py, deadline.left(), |wait| client.reset(None, None, wait))?;
-                    send(client)?;
-                    *is_incomplete = false;
-                }
-                receive(py, client, deadline.left())
-            }
-        }?;
+        let client = guard.for_reset(ids.is_none());
+        let batch = wait_detached(py, timeout, |wait| client.request(order, ids, wait)).map(Batch::new)?;
         guard.hand_over(py, batch)
     }
 
@@ -349,14 +320,13 @@ impl Envs {
         #[pyo3(from_py_with = timeout_seconds)] timeout: Option<f64>,
     ) -> PyResult<Batch> {
         let timeout = to_duration(timeout)?;
-        self.shared.try_lock()?.receive_sent(py, timeout)
+        self.shared.try_lock()?.receive(py, timeout)
     }
 
     /// Request new episodes without waiting; `recv` returns the first observations.
     ///
     /// Args:
-    ///     seed, mask, env_id, levels, snapshots: as for `reset`; the seed is one integer or None, and
-    ///         snapshots need a lane that was reset before.
+    ///     seed, mask, env_id, levels, snapshots: as for `reset`.
     ///
     /// If a snapshot is refused, no environment changes, and the next `recv` raises InvalidRequest.
     ///
@@ -372,17 +342,17 @@ impl Envs {
     fn async_reset(
         &self,
         py: Python<'_>,
-        seed: Option<IntArg>,
+        seed: Option<&Bound<'_, PyAny>>,
         mask: Option<&Bound<'_, PyAny>>,
         env_id: Option<&Bound<'_, PyAny>>,
         levels: Option<&Bound<'_, PyAny>>,
         snapshots: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<()> {
-        let seed = seed.map(|seed| to_unsigned("seed", seed)).transpose()?;
-        let ResetArguments { ids, start } = self.reset_arguments(mask, env_id, levels, snapshots)?;
-        let (ids, mut guard) = (ids.as_deref(), self.shared.try_lock()?);
+        let arguments = self.reset_arguments(seed, mask, env_id, levels, snapshots)?;
+        let (order, ids) = (arguments.order(), arguments.ids());
+        let mut guard = self.shared.try_lock()?;
         let client = guard.client();
-        wait_detached(py, None, |wait| client.send(start.order(seed), ids, wait))?;
+        wait_detached(py, None, |wait| client.send(order, ids, wait))?;
         guard.sent();
         Ok(())
     }
@@ -397,8 +367,8 @@ impl Envs {
     /// Args:
     ///     env_id_from: integers [K], the environments to copy.
     ///     env_id_to: integers [K], the environments that change, each once.
-    ///     seed: environment i continues with the execution orders of seed + i. None: copies have the same
-    ///         future as what they are copies of, if they get the same actions.
+    ///     seed: as for `reset` with snapshots. None: copies have the same future as what they are copies of,
+    ///         if they get the same actions.
     ///     timeout: seconds to wait for the batch; None for no limit.
     ///
     /// Raises:
@@ -414,7 +384,7 @@ impl Envs {
         py: Python<'_>,
         env_id_from: &Bound<'_, PyAny>,
         env_id_to: &Bound<'_, PyAny>,
-        seed: Option<IntArg>,
+        seed: Option<&Bound<'_, PyAny>>,
         #[pyo3(from_py_with = timeout_seconds)] timeout: Option<f64>,
     ) -> PyResult<Batch> {
         let timeout = to_duration(timeout)?;
@@ -440,7 +410,7 @@ impl Envs {
         py: Python<'_>,
         env_id_from: &Bound<'_, PyAny>,
         env_id_to: &Bound<'_, PyAny>,
-        seed: Option<IntArg>,
+        seed: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<()> {
         self.send_fork(py, env_id_from, env_id_to, seed)?.sent();
         Ok(())

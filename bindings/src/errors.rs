@@ -70,6 +70,7 @@ pub fn client_error(error: ClientError) -> PyErr {
         | ClientError::WrongSnapshots { .. }
         | ClientError::NoLevels
         | ClientError::WrongLevels { .. }
+        | ClientError::WrongSeeds { .. }
         | ClientError::WrongForks { .. } => invalid_request(text),
         ClientError::Timeout(_) => class::Timeout::new_err(text),
         ClientError::PoolDied { .. } => class::PoolDied::new_err(text),

@@ -8,7 +8,7 @@ use std::panic::resume_unwind;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, channel};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// How often signal handlers run while [`run_on_thread`] waits.
 const CHECK_INTERVAL: Duration = Duration::from_millis(50);
@@ -60,21 +60,6 @@ pub fn run_on_thread<T: Send + 'static>(
 /// An error if the interpreter is exiting or a signal handler raised an exception.
 pub fn check_interrupts(py: Python<'_>) -> PyResult<()> {
     if exit::is_exiting() { Err(exit::exiting_error()) } else { py.check_signals() }
-}
-
-/// The end of several waits that have one timeout.
-pub struct Deadline(Option<Instant>);
-
-impl Deadline {
-    /// So long from now; `None` is without end.
-    pub fn after(timeout: Option<Duration>) -> Deadline {
-        Deadline(timeout.and_then(|timeout| Instant::now().checked_add(timeout)))
-    }
-
-    /// The time that is left for the next of them.
-    pub fn left(&self) -> Option<Duration> {
-        self.0.map(|end| end.saturating_duration_since(Instant::now()))
-    }
 }
 
 /// Runs a wait of a client detached from the interpreter. An exception from a signal handler ends it.

@@ -74,6 +74,7 @@ pub use os::variant::PoolService;
 pub use process_owned::{NotOwner, ProcessOwned};
 pub use runtime_dir::{ROOT_VARIABLE, RuntimeDir, RuntimeDirError};
 pub use services::IpcError;
+pub use smaclite_pool::transport::Seeds;
 pub use smaclite_pool::{EpisodePart, MAX_LOG_BYTES, WaitStrategy};
 pub use spectator::Spectator;
 pub use supervisor::{LaneConfig, LaneConfigError, PreparedPool, StartError, Supervisor, SupervisorConfig};

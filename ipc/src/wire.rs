@@ -7,7 +7,7 @@ use crate::os::now_ns;
 use iceoryx2::prelude::ZeroCopySend;
 use smaclite_pool::Rejection;
 use smaclite_pool::layout::{BLOCK_ALIGN, FORMAT_VERSION, Layout};
-use smaclite_pool::transport::{Epoch, Request, RequestKind, RequestNumber, SessionId};
+use smaclite_pool::transport::{Epoch, Request, RequestKind, RequestNumber, SEED_WORDS, Seeds, SessionId};
 use std::sync::atomic::{AtomicI32, AtomicU64, Ordering};
 use std::time::Duration;
 
@@ -95,6 +95,10 @@ const RESTORE: u32 = 3;
 const FORK: u32 = 4;
 const RESET_TO: u32 = 5;
 
+const NO_SEEDS: u64 = 0;
+const ONE_SEED: u64 = 1;
+const EACH_SEED: u64 = 2;
+
 /// Precedes every request.
 #[repr(C)]
 #[repr(align(64))]
@@ -115,10 +119,10 @@ pub struct RequestHeader {
     pub kind: u32,
     /// Environments of the request.
     pub count: u32,
-    /// Seed of environment 0, if there is one; environment i gets this + i.
+    /// The seed of environment 0 if environment i gets this + i.
     pub seed: u64,
-    /// 0 = there is no seed.
-    pub has_seed: u64,
+    /// 0 = environments are not seeded, 1 = with `seed`, 2 = each as the body says.
+    pub seeds: u64,
     /// When it was sent, in nanoseconds by a clock that both ends share. Only the statistics of `status`
     /// depend on it.
     pub sent_ns: u64,
@@ -133,11 +137,17 @@ impl RequestHeader {
         kind: RequestKind,
         count: usize,
     ) -> RequestHeader {
-        let (kind, seed) = match kind {
-            RequestKind::Step => (STEP, None),
-            RequestKind::Reset { seed, levels } => (if levels { RESET_TO } else { RESET }, seed),
-            RequestKind::Restore { seed } => (RESTORE, seed),
-            RequestKind::Fork { seed } => (FORK, seed),
+        let (seeds, seed) = match kind.seeds() {
+            Seeds::Continue => (NO_SEEDS, 0),
+            Seeds::From(seed) => (ONE_SEED, seed),
+            Seeds::Each(()) => (EACH_SEED, 0),
+        };
+        let kind = match kind {
+            RequestKind::Step => STEP,
+            RequestKind::Reset { levels: false, .. } => RESET,
+            RequestKind::Reset { levels: true, .. } => RESET_TO,
+            RequestKind::Restore { .. } => RESTORE,
+            RequestKind::Fork { .. } => FORK,
         };
         let (magic, version, layout_hash) = (MAGIC, FORMAT_VERSION, layout.hash());
         let sent_ns = now_ns();
@@ -149,8 +159,8 @@ impl RequestHeader {
             number: number.0,
             kind,
             count: count as u32,
-            seed: seed.unwrap_or_default(),
-            has_seed: u64::from(seed.is_some()),
+            seed,
+            seeds,
             sent_ns,
         }
     }
@@ -164,22 +174,24 @@ pub fn body_offset(count: usize) -> usize {
 
 /// Bytes of a request to `count` environments: `env_id`, and what [`RequestKind`] says of its body.
 pub fn request_bytes(layout: &Layout, kind: RequestKind, count: usize) -> usize {
+    let seed = if kind.seeds() == Seeds::Each(()) { SEED_WORDS * size_of::<i32>() } else { 0 };
     let row = match kind {
         RequestKind::Step => layout.sizes().n_actors() * size_of::<i32>(),
-        RequestKind::Reset { levels: false, .. } => return count * size_of::<i32>(),
+        RequestKind::Reset { levels: false, .. } if seed == 0 => return count * size_of::<i32>(),
+        RequestKind::Reset { levels: false, .. } => 0,
         RequestKind::Reset { levels: true, .. } => layout.level_len() * size_of::<f32>(),
         RequestKind::Restore { .. } => layout.snapshot_size(),
         RequestKind::Fork { .. } => size_of::<i32>(),
     };
     // A count is a u32 and sizes are small, so nothing overflows a 64-bit usize.
-    body_offset(count) + count * row
+    body_offset(count) + count * (seed + row)
 }
 
 /// Bytes of the largest request to `num_envs` environments.
 pub fn max_request_bytes(layout: &Layout, num_envs: usize) -> usize {
-    let restore = RequestKind::Restore { seed: None };
-    let levels = RequestKind::Reset { seed: None, levels: true };
-    let kinds = [RequestKind::Step, RequestKind::Fork { seed: None }, restore, levels];
+    let seeds = Seeds::Each(());
+    let (restore, levels) = (RequestKind::Restore { seeds }, RequestKind::Reset { seeds, levels: true });
+    let kinds = [RequestKind::Step, RequestKind::Fork { seeds }, restore, levels];
     kinds.map(|kind| request_bytes(layout, kind, num_envs)).into_iter().max().unwrap_or_default()
 }
 
@@ -248,13 +260,20 @@ pub fn read_request(
 ) -> Result<ReadRequest, Rejection> {
     check_origin(&header, layout)?;
     let count = header.count as usize;
-    let seed = (header.has_seed != 0).then_some(header.seed);
+    let seeds = match header.seeds {
+        NO_SEEDS => Seeds::Continue,
+        ONE_SEED => Seeds::From(header.seed),
+        EACH_SEED => Seeds::Each(()),
+        other => {
+            return Err(malformed(format!("seeds must be 0 (none), 1 (one) or 2 (one each), got {other}")));
+        }
+    };
     let kind = match header.kind {
         STEP => RequestKind::Step,
-        RESET => RequestKind::Reset { seed, levels: false },
-        RESET_TO => RequestKind::Reset { seed, levels: true },
-        RESTORE => RequestKind::Restore { seed },
-        FORK => RequestKind::Fork { seed },
+        RESET => RequestKind::Reset { seeds, levels: false },
+        RESET_TO => RequestKind::Reset { seeds, levels: true },
+        RESTORE => RequestKind::Restore { seeds },
+        FORK => RequestKind::Fork { seeds },
         other => {
             return Err(malformed(format!(
                 "request kind must be 1 (step), 2 (reset), 3 (restore), 4 (fork) or 5 (reset to levels), got \
@@ -356,6 +375,7 @@ mod tests {
         check(RequestHeader { version: 9, ..good }, payload, "version 9");
         check(RequestHeader { layout_hash: 3, ..good }, payload, "got 0x0000000000000003");
         check(RequestHeader { kind: 8, ..good }, payload, "got 8");
+        check(RequestHeader { seeds: 3, ..good }, payload, "seeds must be 0 (none), 1 (one) or 2 (one each)");
         check(RequestHeader { count: u32::MAX, ..good }, payload, "4294967295 environments");
         check(RequestHeader { count: 0, ..good }, &[], "0 environments");
         check(good, &payload[1..], "expected 96 bytes for 4 environments, got 95");

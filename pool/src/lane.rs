@@ -46,7 +46,7 @@ pub struct Lane<T: Transport> {
 /// the session.
 struct Intake<I: Inlet> {
     inlet: I,
-    /// A reset of all environments that waits until no order is outstanding.
+    /// A request that begins an epoch, and waits until no order is outstanding.
     waiting: Option<I::Message>,
     /// `None` while the lane has no learner.
     epoch: Option<Epoch>,
@@ -58,6 +58,11 @@ struct Intake<I: Inlet> {
 impl<I: Inlet> Intake<I> {
     fn session(&self) -> Option<SessionId> {
         self.epoch.map(|epoch| epoch.session)
+    }
+
+    /// Whether the session has had a reset.
+    fn was_reset(&self) -> bool {
+        self.epoch.is_some_and(|epoch| epoch.reset.is_some())
     }
 
     fn begin_session(&mut self, session: Option<SessionId>) {
@@ -191,7 +196,7 @@ impl<T: Transport> Lane<T> {
             }
         };
         let is_current = intake.session() == Some(message.request().session);
-        if is_current && self.must_wait(&message.request()) {
+        if is_current && self.is_too_early(&intake, &message.request()) {
             intake.waiting = Some(message);
             drop(intake);
             yield_now(); // to the threads that have the orders
@@ -206,10 +211,16 @@ impl<T: Transport> Lane<T> {
         }))
     }
 
-    /// Whether this is a reset of all environments and some have orders. These are carried out before, so
-    /// that what follows does not depend on how far the threads had come.
+    /// Whether this begins an epoch and some environments have orders. These are carried out before, so that
+    /// what follows does not depend on how far the threads had come.
     pub(crate) fn must_wait<N>(&self, request: &Request<'_, N>) -> bool {
-        self.group.is_reset_of_all(request) && self.group.is_at_work() && self.failure().is_none()
+        self.group.is_at_work() && self.is_too_early(&lock(&self.intake), request)
+    }
+
+    fn is_too_early<N>(&self, intake: &Intake<T::Inlet>, request: &Request<'_, N>) -> bool {
+        self.group.is_at_work()
+            && self.failure().is_none()
+            && self.group.begins_epoch(request, intake.was_reset())
     }
 
     /// Accepts all of a request or nothing. Returns for how many threads its environments are work; 0 if the
@@ -243,14 +254,13 @@ impl<T: Transport> Lane<T> {
         if let Some(text) = self.failure() {
             return Err(Rejection::LaneFailed { text: text.to_owned() });
         }
-        if self.must_wait(request) {
+        if self.is_too_early(&intake, request) {
             return Ok(0); // its frames are being written
         }
-        let is_reset_of_all = self.group.is_reset_of_all(request);
-        let was_reset = epoch.reset.is_some();
+        let was_reset = intake.was_reset();
         let checked = self.group.check(&mut intake.draft, request, was_reset);
         // One that is refused ends the results of earlier requests all the same: its learner expects none.
-        if is_reset_of_all && (checked.is_ok() || was_reset) {
+        if self.group.begins_epoch(request, was_reset) && (checked.is_ok() || was_reset) {
             let epoch = Epoch { reset: Some(request.number), ..epoch };
             intake.epoch = Some(epoch);
             lock(&self.frames).begin_epoch(epoch);

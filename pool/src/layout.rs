@@ -6,7 +6,7 @@ use crate::fields::{Axis, Dtype, FIELD_COUNT, FIELDS, Field, FieldSet, FieldSpec
 use smaclite_engine::{LEVEL_COLUMNS, Sizes, fnv::Fnv1a};
 
 /// Increases when the frame header, the request header or the meaning of a field changes.
-pub const FORMAT_VERSION: u32 = 4;
+pub const FORMAT_VERSION: u32 = 5;
 
 /// Every block starts on a cache line, which also suits the widest vector loads and DLPack consumers.
 pub const BLOCK_ALIGN: usize = 64;

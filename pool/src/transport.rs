@@ -2,6 +2,7 @@
 //! heap.
 
 use crate::rejection::Rejection;
+use std::ops::Deref;
 use std::sync::atomic::{AtomicI32, Ordering};
 use std::time::Duration;
 
@@ -118,26 +119,102 @@ pub struct Request<'a, N = AtomicI32> {
 pub enum RequestKind {
     /// One step. The body has the joint actions, `[count, n_actors]`.
     Step,
-    /// A new episode. With a seed, environment `i` is seeded with `seed + i`. The body is empty, or has the
-    /// levels with which the episodes begin, f32 `[count, n_units, 5]`.
+    /// A new episode. The body is empty, or has the levels with which the episodes begin, f32
+    /// `[count, n_units, 5]`.
     Reset {
-        /// The seed of environment 0.
-        seed: Option<u64>,
+        /// How they are seeded.
+        seeds: Seeds<()>,
         /// The body has levels.
         levels: bool,
     },
-    /// The state of a snapshot; with a seed as after a reset with it, from there on. The body has the
-    /// snapshots, `[count, snapshot_size]` bytes.
+    /// The state of a snapshot. The body has the snapshots, `[count, snapshot_size]` bytes.
     Restore {
-        /// The seed of environment 0.
-        seed: Option<u64>,
+        /// How they draw from there on: as after a reset.
+        seeds: Seeds<()>,
     },
-    /// The state of another environment; with a seed as after a reset with it, from there on. The body has
-    /// the numbers of the others, `[count]`.
+    /// The state of another environment. The body has the numbers of the others, `[count]`.
     Fork {
-        /// The seed of environment 0.
-        seed: Option<u64>,
+        /// As of a restore.
+        seeds: Seeds<()>,
     },
+}
+
+impl RequestKind {
+    /// How its environments are seeded.
+    pub fn seeds(self) -> Seeds<()> {
+        match self {
+            RequestKind::Step => Seeds::Continue,
+            RequestKind::Reset { seeds, .. }
+            | RequestKind::Restore { seeds }
+            | RequestKind::Fork { seeds } => seeds,
+        }
+    }
+
+    /// Whether the request begins an epoch, if it is accepted: what was requested before is dropped. In a
+    /// session that was not reset, a restore resets the other environments of a synchronous lane.
+    pub fn begins_epoch(self, names_all: bool, is_synchronous: bool, was_reset: bool) -> bool {
+        match self {
+            RequestKind::Reset { .. } => names_all,
+            RequestKind::Restore { .. } => !was_reset && (names_all || is_synchronous),
+            RequestKind::Step | RequestKind::Fork { .. } => false,
+        }
+    }
+}
+
+/// How the random generators of environments are seeded.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Seeds<T> {
+    /// Not at all: they go on.
+    Continue,
+    /// That of environment `i` with this + `i`.
+    From(u64),
+    /// Each with its own, or not at all. In a request, the body then begins with them: i32
+    /// `[count, SEED_WORDS]`, see [`seed_words`].
+    Each(T),
+}
+
+impl<T> Seeds<T> {
+    /// Which kind of seeds they are.
+    pub fn form(&self) -> Seeds<()> {
+        match self {
+            Seeds::Continue => Seeds::Continue,
+            Seeds::From(seed) => Seeds::From(*seed),
+            Seeds::Each(_) => Seeds::Each(()),
+        }
+    }
+
+    /// The same seeds, borrowed.
+    pub fn as_deref(&self) -> Seeds<&T::Target>
+    where
+        T: Deref,
+    {
+        match self {
+            Seeds::Continue => Seeds::Continue,
+            Seeds::From(seed) => Seeds::From(*seed),
+            Seeds::Each(seeds) => Seeds::Each(seeds),
+        }
+    }
+}
+
+impl<T> From<Option<u64>> for Seeds<T> {
+    fn from(seed: Option<u64>) -> Self {
+        seed.map_or(Seeds::Continue, Seeds::From)
+    }
+}
+
+/// The numbers that a seed of one environment takes in a request.
+pub const SEED_WORDS: usize = 3;
+
+/// A seed of one environment in a request: 1 if there is one, else 0, and its halves, the lower first.
+pub fn seed_words(seed: Option<u64>) -> [i32; SEED_WORDS] {
+    let bits = seed.unwrap_or_default();
+    [i32::from(seed.is_some()), bits as i32, (bits >> 32) as i32]
+}
+
+/// The seed of [`seed_words`] that a sender wrote.
+pub(crate) fn read_seed<N: Number>(words: &[N; SEED_WORDS]) -> Option<u64> {
+    let [is_given, low, high] = words.each_ref().map(N::read);
+    (is_given != 0).then_some(u64::from(low as u32) | u64::from(high as u32) << 32)
 }
 
 /// The sending end of a lane.

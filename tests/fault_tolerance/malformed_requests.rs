@@ -7,7 +7,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use smaclite_ipc::LaneDescription;
 use smaclite_ipc::wire::{RequestHeader, body_offset, request_bytes};
-use smaclite_pool::transport::{RequestKind, RequestNumber, SessionId};
+use smaclite_pool::transport::{RequestKind, RequestNumber, Seeds, SessionId};
 use smaclite_tests::process::eventually;
 use smaclite_tests::raw_client::{Control, RawLearner, Requests, attach_request, node, requests};
 use smaclite_tests::{Child, LanePlan, PoolPlan, TestDir};
@@ -102,7 +102,7 @@ fn invalid_requests_of_a_learner_are_rejected_and_have_no_effect() {
         let (lane, all) = (raw.lane.clone(), [0, 1, 2, 3]);
         let rejected = || dir.status().lanes[index].stats.rejected;
         let frames = || dir.status().lanes[index].stats.frames;
-        let reset = RequestKind::Reset { seed: Some(1), levels: false };
+        let reset = RequestKind::Reset { seeds: Seeds::From(1), levels: false };
         let assert_rejected = |raw: &mut RawLearner, kind, payload: &[u8]| {
             let before = rejected();
             raw.send(kind, payload, 4);
@@ -149,7 +149,7 @@ fn a_rejected_reset_does_not_affect_requests_that_are_being_processed() {
     let mut raw = RawLearner::attach(dir.runtime_dir(), "2s3z", MAX_PAYLOAD);
     let lane = raw.lane.clone();
     let mut rng = Pcg64::seed_from_u64(1);
-    let reset = RequestKind::Reset { seed: None, levels: false };
+    let reset = RequestKind::Reset { seeds: Seeds::Continue, levels: false };
     raw.send(reset, &reset_payload(&[0, 1, 2, 3]), 4);
     for _ in 0..400 {
         let (kind, payload) = match rng.random_range(0..3) {
@@ -174,8 +174,9 @@ fn random_requests_never_break_a_lane() {
         let count = *[1, 3, 6, 6, 6, 7, 100].choose(&mut rng).expect("not empty");
         let kinds = [
             RequestKind::Step,
-            RequestKind::Reset { seed: None, levels: false },
-            RequestKind::Fork { seed: Some(3) },
+            RequestKind::Reset { seeds: Seeds::Continue, levels: false },
+            RequestKind::Fork { seeds: Seeds::From(3) },
+            RequestKind::Fork { seeds: Seeds::Each(()) },
         ];
         let kind = *kinds.choose(&mut rng).expect("not empty");
         let envs: Vec<i32> = match rng.random_range(0..3) {
@@ -184,6 +185,10 @@ fn random_requests_never_break_a_lane() {
         };
         let mut payload = match kind {
             RequestKind::Reset { .. } => reset_payload(&envs),
+            RequestKind::Fork { seeds: Seeds::Each(()) } => {
+                let words: Vec<i32> = envs.iter().flat_map(|env| [*env % 2, *env, 5]).collect();
+                fork_payload(&[words, envs.clone()].concat(), &envs)
+            }
             RequestKind::Fork { .. } => fork_payload(&envs, &envs),
             _ => step_payload(&lane, &envs, rng.random_range(0..7)),
         };
@@ -217,7 +222,7 @@ mod rewriting {
         let mut raw = RawLearner::attach(dir.runtime_dir(), "2s3z", MAX_PAYLOAD);
         let lane = raw.lane.clone();
         let envs: Vec<i32> = (0..64).collect();
-        let reset = RequestKind::Reset { seed: None, levels: false };
+        let reset = RequestKind::Reset { seeds: Seeds::Continue, levels: false };
         let payload = step_payload(&lane, &envs, 1);
         let mut rng = Pcg64::seed_from_u64(3);
         for number in 1..800 {

@@ -3,7 +3,7 @@
 
 use crate::STEPS;
 use crate::harness::{all, assert_same, legal_actions, start, start_one};
-use smaclite_pool::transport::{Request, RequestKind, RequestNumber, SessionId};
+use smaclite_pool::transport::{Request, RequestKind, RequestNumber, Seeds, SessionId};
 use smaclite_pool::{Autoreset, Rejection};
 use smaclite_tests::fault::{Fault, Gate};
 use smaclite_tests::{LanePlan, Reference, Row};
@@ -105,7 +105,7 @@ fn a_pool_that_ends_while_a_reset_waits_frees_no_frame_that_is_written() {
                     let mut local = pool.handle().local_learner(0, SessionId(1)).expect("the lane's session");
                     scope.spawn(move || {
                         let (session, number) = (SessionId(1), RequestNumber(3));
-                        let kind = RequestKind::Reset { seed: None, levels: false };
+                        let kind = RequestKind::Reset { seeds: Seeds::Continue, levels: false };
                         let request = Request { session, number, kind, env_ids: &all(6), body: &[] };
                         local.order(&request).expect("nothing to refuse");
                     });

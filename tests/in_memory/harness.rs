@@ -65,7 +65,7 @@ impl Learner {
 
     /// Resets these environments.
     pub fn send_reset(&mut self, seed: Option<u64>, env_ids: &[i32]) {
-        self.send(RequestKind::Reset { seed, levels: false }, env_ids, &[]);
+        self.send(RequestKind::Reset { seeds: seed.into(), levels: false }, env_ids, &[]);
     }
 
     /// Sends actions.

@@ -3,7 +3,7 @@
 
 use crate::harness::{Learner, all, assert_same, legal_actions, start, start_one, wait_until};
 use smaclite_engine::Actor;
-use smaclite_pool::transport::{Request, RequestKind, RequestNumber, SessionId};
+use smaclite_pool::transport::{Request, RequestKind, RequestNumber, Seeds, SessionId};
 use smaclite_pool::{Autoreset, Pool, Rejection};
 use smaclite_tests::fault::{Fault, Gate};
 use smaclite_tests::in_memory::{InMemory, SentMessage};
@@ -154,7 +154,11 @@ fn malformed_requests_and_those_of_other_sessions_are_counted_and_not_answered()
     };
     learner.send_raw(message(1, 2, None));
     learner.send_raw(message(2, 2, Some(RequestKind::Step)));
-    learner.send_raw(message(0, u64::MAX, Some(RequestKind::Reset { seed: None, levels: false })));
+    learner.send_raw(message(
+        0,
+        u64::MAX,
+        Some(RequestKind::Reset { seeds: Seeds::Continue, levels: false }),
+    ));
     learner.step_rows(&rows);
     learner.batch();
     assert!(learner.has_no_frame());

@@ -9,8 +9,8 @@ use smaclite_ipc::wire::{ReadRequest, RequestHeader, body_offset, read_request, 
 use smaclite_pool::fields::Field;
 use smaclite_pool::layout::Layout;
 use smaclite_pool::transport::{
-    Doorbell, Epoch, FrameContent, Inlet, Message, Received, Request, RequestKind, RequestNumber, SessionId,
-    Transport, TransportError,
+    Doorbell, Epoch, FrameContent, Inlet, Message, Received, Request, RequestKind, RequestNumber, Seeds,
+    SessionId, Transport, TransportError,
 };
 use smaclite_pool::{Autoreset, Pool, PoolOptions, WaitStrategy};
 use smaclite_tests::LanePlan;
@@ -111,10 +111,12 @@ impl Input<'_> {
         let keep = self.u64(1);
         let kinds = [
             RequestKind::Step,
-            RequestKind::Reset { seed: None, levels: false },
-            RequestKind::Reset { seed: Some(4), levels: true },
-            RequestKind::Restore { seed: None },
-            RequestKind::Fork { seed: Some(4) },
+            RequestKind::Reset { seeds: Seeds::Continue, levels: false },
+            RequestKind::Reset { seeds: Seeds::From(4), levels: true },
+            RequestKind::Restore { seeds: Seeds::Continue },
+            RequestKind::Fork { seeds: Seeds::From(4) },
+            RequestKind::Reset { seeds: Seeds::Each(()), levels: false },
+            RequestKind::Fork { seeds: Seeds::Each(()) },
         ];
         let kind = kinds[self.u64(1) as usize % kinds.len()];
         let count = if keep & 1 == 0 { lane.num_envs } else { self.u64(4) as usize };
@@ -184,7 +186,7 @@ pub fn run(bytes: &[u8]) {
         &lane.layout,
         SessionId(bench.session),
         RequestNumber(1),
-        RequestKind::Reset { seed: Some(2), levels: false },
+        RequestKind::Reset { seeds: Seeds::From(2), levels: false },
         lane.num_envs,
     );
     let ids: Vec<u32> = (0..lane.num_envs as u32).collect();

@@ -9,7 +9,7 @@ use smaclite_engine::{
     Arena, Battle, BattleSetup, COLUMNS, Column, ColumnSpec, ColumnType, Opponent, RecordLayout, RecordSizes,
     Rules, Scratch, Sides, Snapshot,
 };
-use smaclite_ipc::{Batch, Order, WaitOptions};
+use smaclite_ipc::{Batch, Order, Seeds, WaitOptions};
 use smaclite_pool::Autoreset;
 use smaclite_pool::fields::{FIELDS, Field};
 use smaclite_scenarios::{Capability, EnemyMask, Faction, Placement, Scenario, ScenarioFiles, UnitFile};
@@ -183,7 +183,7 @@ fn what_cannot_be_restored_is_an_error_and_no_environment_changes() {
     records(&mut none);
     let refusal = |learner: &mut Learner, records: &[u8], expected: &str| {
         let sent = learner.client().send(
-            Order::Restore { snapshots: records, seed: None },
+            Order::Restore { snapshots: records, seeds: Seeds::Continue },
             None,
             WaitOptions::forever(),
         );

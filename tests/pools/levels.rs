@@ -1,7 +1,7 @@
 //! Episodes begin with levels that a learner chooses.
 
 use smaclite_engine::{Arena, Battle, Faction, LevelError, Rules, Scratch, policy};
-use smaclite_ipc::{Client, Order, WaitOptions, WaitStrategy};
+use smaclite_ipc::{Client, Order, Seeds, WaitOptions, WaitStrategy};
 use smaclite_pool::fields::{FIELDS, Field};
 use smaclite_scenarios::{Scenario, ScenarioFiles};
 use smaclite_tests::{LanePlan, PoolPlan, TestDir};
@@ -148,7 +148,7 @@ fn a_unit_may_begin_where_its_scenario_puts_it_also_on_a_blocked_square() {
 
 /// A reset to levels.
 fn to(levels: &[f32], seed: Option<u64>) -> Order<'_> {
-    Order::Reset { seed, levels: Some(levels) }
+    Order::Reset { seeds: seed.into(), levels: Some(levels) }
 }
 
 #[test]
@@ -241,7 +241,7 @@ fn after_a_refused_request_the_lane_and_its_learner_agree() {
             "a level that cannot be"
         );
         let snapshot = vec![0; client.layout().snapshot_size()];
-        let restore = Order::Restore { snapshots: &snapshot, seed: None };
+        let restore = Order::Restore { snapshots: &snapshot, seeds: Seeds::Continue };
         assert!(client.request(restore, Some(&[3]), wait()).is_err(), "no snapshot");
         step(&mut client, 3);
         assert_eq!(recv(&mut client).0, [2, 3]);

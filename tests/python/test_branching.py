@@ -67,6 +67,45 @@ def test_copies_have_one_future_until_they_are_reseeded() -> None:
         assert (batch.obs == batch.obs[0]).all()
         seeds = [sp.snapshot_columns(row)["seed"].item() for row in batch.snapshot]
         assert seeds == list(range(5, 13))
+        given = [3, None, 2**64 - 1, 3]
+        copies = batch.snapshot[[1] * 4]
+        for seeded in (
+            envs.fork([1] * 4, range(4), seed=given),
+            envs.reset(seed=given, env_id=range(4), snapshots=copies),
+        ):
+            seeds = [sp.snapshot_columns(row)["seed"].item() for row in seeded.snapshot]
+            assert seeds == [3, 6, 2**64 - 1, 3, *range(9, 13)]
+
+
+def test_environments_begin_with_snapshots_as_with_a_reset() -> None:
+    """A synchronous lane was first reset by another request, and an asynchronous one refused."""
+    with sp.make("terran_5_vs_5", 4, fields=FIELDS, seed=9) as envs:
+        batch = envs.reset(seed=1)
+        kept = envs.step(envs.sample_actions()).snapshot
+        future = steps(envs, 10)
+    with sp.make("terran_5_vs_5", 4, fields=FIELDS, seed=9, threads=1) as envs:
+        reset = envs.reset().state.copy()
+    for batch_size, env_id, match in [
+        (4, [2, 2], "environment 2 appears twice"),
+        (4, [4], "environment 4 does not exist"),
+        (2, [1, 3], "call reset first"),
+    ]:
+        with sp.make("terran_5_vs_5", 4, batch_size=batch_size, fields=FIELDS, seed=9) as envs:
+            with pytest.raises(sp.errors.InvalidRequest, match=match):
+                envs.reset(env_id=env_id, snapshots=kept[: len(env_id)])
+            with pytest.raises(sp.errors.InvalidRequest, match="environment 0 cannot be restored"):
+                envs.reset(snapshots=kept * 0)
+            with pytest.raises(sp.errors.InvalidRequest, match="call reset first"):
+                envs.step(np.ones((4, 5), np.int32))
+            batch = envs.reset(snapshots=kept)
+            assert batch.was_reset.all() and (batch.episode_length == 1).all()
+            if batch_size == 4:
+                assert_repeats(envs, future)
+    with sp.make("terran_5_vs_5", 4, fields=FIELDS, seed=9) as envs:
+        batch = envs.reset(env_id=[3, 1], snapshots=kept[:2])
+        assert batch.episode_length.tolist() == [0, 1, 0, 1] and batch.was_reset.all()
+        assert np.array_equal(batch.snapshot[[3, 1]], kept[:2])
+        assert np.array_equal(batch.state[[0, 2]], reset[[0, 2]])
 
 
 def test_an_asynchronous_lane_branches() -> None:
@@ -231,8 +270,8 @@ def test_wrong_arguments_name_what_is_accepted() -> None:
             (TypeError, "seed must be an integer, got str", lambda: envs.fork([0], [1], seed="3")),
             (
                 sp.errors.InvalidRequest,
-                "with snapshots, seed must be one integer or None",
-                lambda: envs.reset(seed=[1, 2], snapshots=snapshots),
+                "one per environment of the request, 2; got 3",
+                lambda: envs.reset(seed=[1, 2, 3], snapshots=snapshots),
             ),
             (
                 sp.errors.InvalidRequest,

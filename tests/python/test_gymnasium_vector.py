@@ -238,8 +238,8 @@ def test_a_vector_continues_from_snapshots_at_a_reset() -> None:
     assert np.array_equal(observations["state"], state) and infos["episode_length"].tolist() == [1, 1, 1]
     with pytest.raises(sp.errors.InvalidRequest, match="exclude each other"):
         envs.reset(options={"snapshot": snapshots, "reset_mask": [True] * 3})
-    with pytest.raises(sp.errors.InvalidRequest, match="one integer or None, got a list"):
-        envs.reset(options={"snapshot": snapshots}, seed=[1, 2, 3])
+    envs.reset(options={"snapshot": snapshots}, seed=[1, 1, 3])
+    assert [sp.snapshot_columns(row)["seed"].item() for row in envs.unwrapped.save()] == [1, 1, 3]
     wrapped.close()
 
 

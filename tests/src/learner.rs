@@ -104,7 +104,7 @@ impl Learner {
     /// # Errors
     /// The client's.
     pub fn send_fork(&mut self, from: &[i32], to: &[i32], seed: Option<u64>) -> Result<(), LearnerError> {
-        self.order_some(Order::Fork { from, seed }, to)?;
+        self.order_some(Order::Fork { from, seeds: seed.into() }, to)?;
         // Each is copied as it was before.
         let saved: Vec<SavedEnv> = from.iter().map(|env| self.reference.save(*env)).collect();
         self.restore(to, &saved, seed);
@@ -123,7 +123,7 @@ impl Learner {
         to: &[i32],
         seed: Option<u64>,
     ) -> Result<(), LearnerError> {
-        self.order_some(Order::Restore { snapshots, seed }, to)?;
+        self.order_some(Order::Restore { snapshots, seeds: seed.into() }, to)?;
         self.restore(to, saved, seed);
         Ok(())
     }

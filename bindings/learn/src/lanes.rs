@@ -10,8 +10,8 @@ use crate::lane_error::LaneError;
 use crate::view::fields_read;
 use smaclite_engine::{BattleSetup, Faction, Sizes};
 use smaclite_ipc::{
-    Batch, Client, ClientError, ConnectError, LaneConfig, LaneDescription, Order, RuntimeDir, Supervisor,
-    SupervisorConfig, WaitOptions, WaitStrategy, lane_scenario,
+    Batch, Client, ClientError, ConnectError, LaneConfig, LaneDescription, Order, RuntimeDir, Seeds,
+    Supervisor, SupervisorConfig, WaitOptions, WaitStrategy, lane_scenario,
 };
 use smaclite_pool::fields::{Field, FieldSet};
 use smaclite_pool::{Autoreset, LaneSettings, PoolOptions};
@@ -330,16 +330,18 @@ impl Lanes {
         Ok(Some(saved))
     }
 
-    /// Sets all environments to states of [`save`](Lanes::save) on lanes like these.
+    /// Begins with the states of [`save`](Lanes::save) on lanes like these.
     pub(crate) fn restore(&mut self, saved: &SavedEnvs) -> Result<(), ClientError> {
-        self.reset(0)?; // a session begins with a reset
         let size = saved.snapshots.len() / self.num_envs();
         for index in 0..self.count() {
-            self.batch(index, &mut || false)?;
             let lane = &mut self.lanes[index];
             let envs = lane.first_env..lane.first_env + lane.settings.num_envs;
             let snapshots = &saved.snapshots[envs.start * size..envs.end * size];
-            lane.client.send(Order::Restore { snapshots, seed: None }, None, WaitOptions::forever())?;
+            lane.client.send(
+                Order::Restore { snapshots, seeds: Seeds::Continue },
+                None,
+                WaitOptions::forever(),
+            )?;
             lane.over = saved.over[envs].iter().map(|over| *over != 0).collect();
             (lane.batch, lane.is_restored) = (None, true);
             self.batch(index, &mut || false)?;

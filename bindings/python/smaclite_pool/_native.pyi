@@ -248,7 +248,7 @@ class Envs:
     def recv(self, timeout: float | None = None) -> Batch: ...
     def async_reset(
         self,
-        seed: int | None = None,
+        seed: int | Sequence[int | None] | NDArray[np.integer[Any]] | None = None,
         mask: ArrayLike | None = None,
         env_id: ArrayLike | None = None,
         *,
@@ -264,7 +264,7 @@ class Envs:
         env_id_from: ArrayLike,
         env_id_to: ArrayLike,
         *,
-        seed: int | None = None,
+        seed: int | Sequence[int | None] | NDArray[np.integer[Any]] | None = None,
         timeout: float | None = None,
     ) -> Batch:
         """Copy the states of environments to others, and return the batch with their observations."""
@@ -273,7 +273,7 @@ class Envs:
         env_id_from: ArrayLike,
         env_id_to: ArrayLike,
         *,
-        seed: int | None = None,
+        seed: int | Sequence[int | None] | NDArray[np.integer[Any]] | None = None,
     ) -> None: ...
     def render(
         self,

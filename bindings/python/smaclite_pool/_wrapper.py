@@ -82,7 +82,7 @@ class Wrapper:
         env_id_from: ArrayLike,
         env_id_to: ArrayLike,
         *,
-        seed: int | None = None,
+        seed: int | Sequence[int | None] | NDArray[np.integer[Any]] | None = None,
         timeout: float | None = None,
     ) -> Batch:
         """As `Envs.fork`."""

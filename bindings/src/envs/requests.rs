@@ -4,6 +4,7 @@ use super::Envs;
 use crate::arrays::{self, Actions, Int32Array, env_ids, require_envs, selected_envs};
 use crate::batch::Batch;
 use crate::errors::{client_error, invalid_request};
+use crate::seeds::{OwnedSeeds, seeds};
 use crate::wait::wait_detached;
 use pyo3::prelude::*;
 use smaclite_ipc::{Client, ClientError, Order, WaitOptions};
@@ -14,6 +15,11 @@ impl Envs {
     /// The number of environments in a request.
     pub(super) fn request_size(&self, ids: Option<&Int32Array<'_>>) -> usize {
         ids.map_or(self.description.settings.num_envs, Int32Array::len)
+    }
+
+    /// Converts the argument `seed` of a request to these environments.
+    pub(super) fn seeds(&self, seed: Option<&Bound<'_, PyAny>>, ids: Option<&[i32]>) -> PyResult<OwnedSeeds> {
+        seeds(seed, ids.map_or(self.description.settings.num_envs, <[i32]>::len))
     }
 
     /// Converts the argument `levels` of a reset of these environments.
@@ -29,6 +35,7 @@ impl Envs {
     /// Converts the arguments of `reset` and `async_reset`.
     pub(super) fn reset_arguments(
         &self,
+        seed: Option<&Bound<'_, PyAny>>,
         mask: Option<&Bound<'_, PyAny>>,
         env_id: Option<&Bound<'_, PyAny>>,
         levels: Option<&Bound<'_, PyAny>>,
@@ -59,7 +66,8 @@ impl Envs {
                 return Err(invalid_request(text));
             }
         };
-        Ok(ResetArguments { ids, start })
+        let seeds = self.seeds(seed, ids.as_deref())?;
+        Ok(ResetArguments { ids, seeds, start })
     }
 
     /// Converts the arguments of `step` and `send`.
@@ -80,23 +88,29 @@ impl Envs {
 
 /// Which environments `reset` and `async_reset` change, and where they begin.
 pub(super) struct ResetArguments {
-    pub(super) ids: Option<Vec<i32>>,
-    pub(super) start: Start,
+    ids: Option<Vec<i32>>,
+    seeds: OwnedSeeds,
+    start: Start,
+}
+
+impl ResetArguments {
+    pub(super) fn ids(&self) -> Option<&[i32]> {
+        self.ids.as_deref()
+    }
+
+    pub(super) fn order(&self) -> Order<'_> {
+        let seeds = self.seeds.as_deref();
+        match &self.start {
+            Start::Episode { levels } => Order::Reset { seeds, levels: levels.as_deref() },
+            Start::Snapshots(snapshots) => Order::Restore { snapshots, seeds },
+        }
+    }
 }
 
 /// Where environments begin.
-pub(super) enum Start {
+enum Start {
     Episode { levels: Option<Vec<f32>> },
     Snapshots(Vec<u8>),
-}
-
-impl Start {
-    pub(super) fn order(&self, seed: Option<u64>) -> Order<'_> {
-        match self {
-            Start::Episode { levels } => Order::Reset { seed, levels: levels.as_deref() },
-            Start::Snapshots(snapshots) => Order::Restore { snapshots, seed },
-        }
-    }
 }
 
 /// Sends actions, without a wait if the pool reads its requests. The thread of a learner in the process of

@@ -2,7 +2,6 @@
 
 use super::requests::receive;
 use crate::batch::Batch;
-use crate::errors::invalid_request;
 use crate::exclusive::{Exclusive, Guard, Texts};
 use crate::exit::CloseAtExit;
 use crate::recorder::RecordingToFile;
@@ -29,8 +28,6 @@ struct Attached {
     client: Client,
     /// Received, and not returned yet: the exception of a signal was raised in its place.
     kept: VecDeque<Batch>,
-    /// The last reset ended before all its requests were sent, so what is received next is not its result.
-    is_incomplete: bool,
     _embedded: Option<Arc<Supervisor>>,
 }
 
@@ -48,8 +45,7 @@ impl SharedClient {
         embedded: Option<Arc<Supervisor>>,
         recording: Option<RecordingToFile>,
     ) -> SharedClient {
-        let attached =
-            Attached { recording, client, kept: VecDeque::new(), is_incomplete: false, _embedded: embedded };
+        let attached = Attached { recording, client, kept: VecDeque::new(), _embedded: embedded };
         SharedClient(Exclusive::new(attached, TEXTS))
     }
 
@@ -76,11 +72,9 @@ impl ClientGuard<'_> {
         &mut self.attached().client
     }
 
-    /// The client, which has sent a request: nothing of an incomplete reset is left, or it would have been
-    /// busy.
+    /// The client, which has sent a request.
     pub(super) fn sent(&mut self) -> &mut Client {
         let attached = self.attached();
-        attached.is_incomplete = false;
         if attached.client.description().settings.is_synchronous() {
             attached.kept.clear(); // the request was of all environments
         }
@@ -107,23 +101,12 @@ impl ClientGuard<'_> {
         Ok(kept.pop_front().expect("one was added"))
     }
 
-    /// The client, and whether a reset of several requests, all but the last of which are waited for, is
-    /// incomplete.
-    pub(super) fn for_reset(&mut self, of_all: bool) -> (&mut Client, &mut bool) {
+    /// The client, which sends a reset.
+    pub(super) fn for_reset(&mut self, of_all: bool) -> &mut Client {
         let attached = self.attached();
         if of_all || attached.client.description().settings.is_synchronous() {
             attached.kept.clear();
         }
-        (&mut attached.client, &mut attached.is_incomplete)
-    }
-
-    /// Waits for the result of what was sent before.
-    pub(super) fn receive_sent(&mut self, py: Python<'_>, timeout: Option<Duration>) -> PyResult<Batch> {
-        if self.attached().is_incomplete {
-            return Err(invalid_request(
-                "the last reset ended before all of it was sent, so it has no result; reset all environments",
-            ));
-        }
-        self.receive(py, timeout)
+        &mut attached.client
     }
 }

@@ -57,6 +57,8 @@ pub enum ClientError {
     NoLevels,
     #[error("got {given} numbers; {envs} environments take {envs} levels of {size} numbers")]
     WrongLevels { given: usize, envs: usize, size: usize },
+    #[error("seeds must be one, or one per environment, {envs}; got {given}")]
+    WrongSeeds { given: usize, envs: usize },
     #[error("a fork takes as many environments to copy as to change, got {from} and {to}")]
     WrongForks { from: usize, to: usize },
     #[error(

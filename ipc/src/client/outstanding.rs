@@ -3,7 +3,7 @@
 //! cannot come. Whether actions are available only the lane checks.
 
 use smaclite_pool::env_ids::{check_distinct, env_index};
-use smaclite_pool::transport::RequestNumber;
+use smaclite_pool::transport::{RequestKind, RequestNumber};
 use smaclite_pool::{LaneSettings, Rejection};
 
 pub(super) struct Outstanding {
@@ -12,7 +12,7 @@ pub(super) struct Outstanding {
     busy: Vec<Option<RequestNumber>>,
     /// Results still to come.
     results: usize,
-    /// The session's first reset, which the lane may have refused; `None` before it was sent.
+    /// What the session began with, which the lane may have refused; `None` before it was sent.
     first_reset: Option<RequestNumber>,
 }
 
@@ -52,7 +52,23 @@ impl Outstanding {
         Ok(())
     }
 
-    /// Marks all environments busy with a reset, whether or not they work on an earlier request.
+    /// Whether a request to the environments of `ids`, or to all, begins an epoch; why it is none if it
+    /// would, but for its ids.
+    pub(super) fn begins_epoch(&self, kind: RequestKind, ids: Option<&[i32]>) -> Result<bool, Rejection> {
+        let begins = |names_all| kind.begins_epoch(names_all, self.synchronous, self.first_reset.is_some());
+        let Some(ids) = ids.filter(|_| begins(true)) else { return Ok(begins(true)) };
+        let names_all = self.names_all(ids);
+        if begins(names_all) && !names_all {
+            check_distinct(ids.iter().copied(), self.busy.len())?;
+            if ids.is_empty() {
+                return Err(Rejection::NoEnv); // it would never be answered
+            }
+        }
+        Ok(begins(names_all))
+    }
+
+    /// Marks all environments busy with a request that begins an epoch, whether or not they work on an
+    /// earlier one.
     pub(super) fn reset_all(&mut self, number: RequestNumber) {
         self.busy.fill(Some(number));
         self.results = self.busy.len();

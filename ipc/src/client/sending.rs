@@ -10,7 +10,7 @@ use crate::wait_options::WaitOptions;
 use crate::wire::{RequestHeader, body_offset, request_bytes};
 use smaclite_engine::{RecordLayout, RecordSizes, SnapshotError};
 use smaclite_pool::env_ids::env_index;
-use smaclite_pool::transport::{Request, RequestKind, RequestNumber};
+use smaclite_pool::transport::{Request, RequestKind, RequestNumber, Seeds};
 use smaclite_pool::{Deadline, Rejection};
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -35,10 +35,9 @@ impl AttachedLane {
         let number = self.last_request.next();
         let all = Arc::clone(&self.all_ids);
         let ids = env_ids.unwrap_or(&all);
-        let is_reset = matches!(order, Order::Reset { .. });
-        if is_reset && (env_ids.is_none() || self.outstanding.names_all(ids)) {
-            // Only a reset that was sent begins an epoch: otherwise results of the present one are still to
-            // come.
+        let begins_epoch = self.outstanding.begins_epoch(order.kind(), env_ids);
+        if begins_epoch.map_err(|rejection| self.refused(rejection))? {
+            // Only what was sent begins an epoch: otherwise results of the present one are still to come.
             self.refused.clear();
             self.send(order, ids, wait)?;
             self.outstanding.reset_all(number);
@@ -56,6 +55,11 @@ impl AttachedLane {
     /// Does an order have as much as its environments take?
     fn check_order(&self, order: Order<'_>, env_ids: Option<&[i32]>) -> Result<(), ClientError> {
         let envs = self.count(env_ids);
+        if let Seeds::Each(seeds) = order.seeds()
+            && seeds.len() != envs
+        {
+            return Err(ClientError::WrongSeeds { given: seeds.len(), envs });
+        }
         match order {
             Order::Step(actions) => self.check_length(actions.len(), env_ids),
             Order::Reset { levels: None, .. } => Ok(()),
@@ -128,7 +132,7 @@ impl AttachedLane {
 
     /// Sends an order whose environments are reserved, and frees them if it cannot be sent.
     fn send(&mut self, order: Order<'_>, ids: &[i32], wait: &mut WaitOptions<'_>) -> Result<(), ClientError> {
-        let (number, kind, body) = (self.last_request.next(), order.kind(), order.body());
+        let (number, kind, body) = (self.last_request.next(), order.kind(), &*order.body());
         let sent = match &mut self.local {
             None => self.send_message(number, kind, ids, body, wait),
             Some(local) => {

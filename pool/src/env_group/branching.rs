@@ -8,11 +8,10 @@ use crate::transport::Number;
 
 impl EnvGroup {
     /// Reads every snapshot into the memory of its environment, which takes that state when it is served.
-    pub(super) fn check_restore<N: Number>(
+    pub(super) fn stage_snapshots<N: Number>(
         &self,
         draft: &mut Draft,
         records: &[N],
-        seed: Option<u64>,
     ) -> Result<(), Rejection> {
         if draft.record.is_empty() {
             let what = "the lane has no field `snapshot`, without which nothing can be restored".to_owned();
@@ -24,34 +23,22 @@ impl EnvGroup {
             let staged = self.lock(env as usize).stage(bytemuck::cast_slice(&draft.record), self.autoreset);
             staged.map_err(|why| Rejection::BadSnapshot { env: env as usize, why })?;
         }
-        self.order_restore(draft, seed);
         Ok(())
     }
 
     /// Saves every state that is forked before any environment changes.
-    pub(super) fn check_fork<N: Number>(
-        &self,
-        draft: &Draft,
-        from: &[N],
-        seed: Option<u64>,
-    ) -> Result<(), Rejection> {
+    pub(super) fn stage_others<N: Number>(&self, draft: &Draft, from: &[N]) -> Result<(), Rejection> {
         for (&env, from) in draft.envs.iter().zip(from) {
             let (env, from) = (env as usize, self.idle_env(from)?);
             let mut state = self.lock(env).exchange_staged(None).unwrap_or_default();
             self.lock(from).save_into(&mut state);
             self.lock(env).exchange_staged(Some(state));
         }
-        self.order_restore(draft, seed);
         Ok(())
     }
 
-    fn order_restore(&self, draft: &Draft, seed: Option<u64>) {
-        for &env in &draft.envs {
-            if let Some(seed) = seed {
-                self.lock(env as usize).reseed_staged(seed.wrapping_add(u64::from(env)));
-            }
-            self.table.order(env as usize, Task::Restore);
-        }
-        self.observe_others(draft);
+    pub(super) fn order_restore(&self, draft: &Draft) {
+        draft.seeded().for_each(|(env, seed)| self.lock(env).reseed_staged(seed));
+        draft.envs.iter().for_each(|env| self.table.order(*env as usize, Task::Restore));
     }
 }

@@ -9,7 +9,7 @@ use crate::autoreset::Autoreset;
 use crate::env_ids::env_index;
 use crate::hosted_env::Task;
 use crate::rejection::Rejection;
-use crate::transport::{Number, Request, RequestKind};
+use crate::transport::{Number, Request, RequestKind, SEED_WORDS, Seeds, read_seed};
 use smaclite_engine::Actor;
 use std::hint::black_box;
 use std::sync::atomic::Ordering::Relaxed;
@@ -20,6 +20,8 @@ pub(crate) struct Draft {
     pub(crate) envs: Vec<u32>,
     /// By environment: whether it is one of them.
     named: Vec<bool>,
+    /// Of each, if they are seeded.
+    seeds: Vec<Option<u64>>,
     /// The snapshot that is being read, as words. The learner could change its own while it is checked.
     pub(super) record: Vec<i32>,
 }
@@ -27,13 +29,36 @@ pub(crate) struct Draft {
 impl Draft {
     pub(crate) fn new(group: &EnvGroup) -> Draft {
         let record = vec![0; group.layout.snapshot_size() / size_of::<i32>()];
-        Draft { envs: Vec::with_capacity(group.num_envs), named: vec![false; group.num_envs], record }
+        let (envs, named) = (Vec::with_capacity(group.num_envs), vec![false; group.num_envs]);
+        Draft { envs, named, seeds: Vec::new(), record }
     }
 
     fn clear(&mut self) {
         for env in self.envs.drain(..) {
             self.named[env as usize] = false;
         }
+        self.seeds.clear();
+    }
+
+    /// Reads the seeds of its environments, and returns the rest of the body.
+    fn take_seeds<'a, N: Number>(&mut self, seeds: Seeds<()>, body: &'a [N]) -> &'a [N] {
+        match seeds {
+            Seeds::Continue => body,
+            Seeds::From(seed) => {
+                self.seeds.extend(self.envs.iter().map(|env| Some(seed.wrapping_add(u64::from(*env)))));
+                body
+            }
+            Seeds::Each(()) => {
+                let (seeds, body) = body.split_at(self.envs.len() * SEED_WORDS);
+                self.seeds.extend(seeds.as_chunks().0.iter().map(read_seed));
+                body
+            }
+        }
+    }
+
+    /// The environments that are seeded, with their seeds.
+    pub(super) fn seeded(&self) -> impl Iterator<Item = (usize, u64)> {
+        self.envs.iter().zip(&self.seeds).filter_map(|(env, seed)| seed.map(|seed| (*env as usize, seed)))
     }
 
     fn name(&mut self, env: usize) -> Result<(), Rejection> {
@@ -55,20 +80,44 @@ impl EnvGroup {
         was_reset: bool,
     ) -> Result<(), Rejection> {
         draft.clear();
-        if !was_reset && !self.is_reset_of_all(request) {
+        if !was_reset && !self.begins_epoch(request, was_reset) {
             return Err(Rejection::NotReset);
         }
-        let Request { kind, env_ids, body, .. } = request;
-        if *kind != RequestKind::Step {
-            env_ids.iter().try_for_each(|id| self.check_env(draft, id).map(drop))?;
+        let Request { kind, env_ids, body, .. } = *request;
+        if kind == RequestKind::Step {
+            return self.check_step(draft, env_ids, body);
         }
-        match *kind {
-            RequestKind::Step => self.check_step(draft, env_ids, body),
-            RequestKind::Reset { seed, levels } => {
-                self.check_reset(draft, levels.then_some(body), seed, was_reset)
-            }
-            RequestKind::Restore { seed } => self.check_restore(draft, body, seed),
-            RequestKind::Fork { seed } => self.check_fork(draft, body, seed),
+        env_ids.iter().try_for_each(|id| self.check_env(draft, id).map(drop))?;
+        let body = draft.take_seeds(kind.seeds(), body);
+        match kind {
+            RequestKind::Restore { .. } => self.stage_snapshots(draft, body)?,
+            RequestKind::Fork { .. } => self.stage_others(draft, body)?,
+            RequestKind::Reset { levels: true, .. } => self.stage_levels(&draft.envs, body)?,
+            RequestKind::Reset { .. } | RequestKind::Step => {}
+        }
+        if !was_reset {
+            self.begin_session();
+        }
+        match kind {
+            RequestKind::Reset { levels, .. } => self.order_reset(draft, levels),
+            _ => self.order_restore(draft),
+        }
+        if self.is_synchronous() {
+            // A batch has every environment: those that the request does not name are observed again.
+            let task = if was_reset { Task::Observe } else { Task::Reset };
+            let others = (0..self.num_envs).filter(|env| !draft.named[*env]);
+            others.for_each(|env| self.table.order(env, task));
+        }
+        Ok(())
+    }
+
+    /// A session begins with the lane's own seed and with battles as new, so that it does not depend on
+    /// earlier ones.
+    fn begin_session(&self) {
+        for env in 0..self.num_envs {
+            let mut hosted = self.lock(env);
+            hosted.battle.reseed(self.seed.wrapping_add(env as u64));
+            hosted.battle.forget_episodes();
         }
     }
 
@@ -104,36 +153,14 @@ impl EnvGroup {
         Ok(())
     }
 
-    fn check_reset<N: Number>(
-        &self,
-        draft: &Draft,
-        levels: Option<&[N]>,
-        seed: Option<u64>,
-        was_reset: bool,
-    ) -> Result<(), Rejection> {
-        if let Some(levels) = levels {
-            self.check_levels(&draft.envs, levels)?;
-        }
-        // A session begins with the lane's own seed and with battles as new, so that it does not depend on
-        // earlier ones.
-        let seed = if was_reset { seed } else { seed.or(Some(self.seed)) };
-        let task = if levels.is_some() { Task::ResetTo } else { Task::Reset };
-        for &env in &draft.envs {
-            if let Some(seed) = seed {
-                let mut hosted = self.lock(env as usize);
-                hosted.battle.reseed(seed.wrapping_add(u64::from(env)));
-                if !was_reset {
-                    hosted.battle.forget_episodes();
-                }
-            }
-            self.table.order(env as usize, task);
-        }
-        self.observe_others(draft);
-        Ok(())
+    fn order_reset(&self, draft: &Draft, levels: bool) {
+        draft.seeded().for_each(|(env, seed)| self.lock(env).battle.reseed(seed));
+        let task = if levels { Task::ResetTo } else { Task::Reset };
+        draft.envs.iter().for_each(|env| self.table.order(*env as usize, task));
     }
 
     /// Reads every level into the memory of its environment, which begins with it when it is served.
-    fn check_levels<N: Number>(&self, envs: &[u32], levels: &[N]) -> Result<(), Rejection> {
+    fn stage_levels<N: Number>(&self, envs: &[u32], levels: &[N]) -> Result<(), Rejection> {
         let level_len = self.layout.level_len();
         if level_len == 0 {
             let what =
@@ -146,14 +173,6 @@ impl EnvGroup {
             staged.map_err(|why| Rejection::BadLevel { env: env as usize, why })?;
         }
         Ok(())
-    }
-
-    /// A synchronous batch has every environment: those that the request does not name are observed again.
-    pub(super) fn observe_others(&self, draft: &Draft) {
-        if self.is_synchronous() {
-            let others = (0..self.num_envs).filter(|env| !draft.named[*env]);
-            others.for_each(|env| self.table.order(env, Task::Observe));
-        }
     }
 
     /// Names the environment of this id, if the request may have it.

@@ -17,7 +17,7 @@ use crate::lane_stats::LaneStats;
 use crate::layout::Layout;
 use crate::slot::FrameMemory;
 use crate::sync::{AtomicUsize, Mutex, MutexGuard, Ordering, lock};
-use crate::transport::{Request, RequestKind};
+use crate::transport::Request;
 use env_table::EnvTable;
 use smaclite_engine::{Scratch, Step};
 use std::sync::Arc;
@@ -58,8 +58,9 @@ impl EnvGroup {
     }
 
     /// Whether a request that passes [`check`](EnvGroup::check) begins an epoch.
-    pub(crate) fn is_reset_of_all<N>(&self, request: &Request<'_, N>) -> bool {
-        matches!(request.kind, RequestKind::Reset { .. }) && request.env_ids.len() == self.num_envs
+    pub(crate) fn begins_epoch<N>(&self, request: &Request<'_, N>, was_reset: bool) -> bool {
+        let names_all = request.env_ids.len() == self.num_envs;
+        request.kind.begins_epoch(names_all, self.is_synchronous(), was_reset)
     }
 
     /// Whether there are orders that are not carried out.

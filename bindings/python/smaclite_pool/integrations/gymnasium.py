@@ -179,7 +179,7 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
         if snapshot is not None:
             if mask is not None:
                 raise InvalidRequest("options['snapshot'] and options['reset_mask'] exclude each other")
-            return self.restore(snapshot, seed=self._one_seed(seed))
+            return self.restore(snapshot, seed=seed)
         if mask is None:
             present, batch = np.ones(self.num_envs, np.bool_), self._envs.reset(seed)
         else:
@@ -191,12 +191,6 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
             batch = self._envs.reset(seed, mask=present)
         self._keep(batch)
         return self._observations(batch, ""), self._infos(batch, present)
-
-    @staticmethod
-    def _one_seed(seed: int | Sequence[int | None] | None) -> int | None:
-        if seed is not None and not isinstance(seed, int):
-            raise InvalidRequest("with options['snapshot'], seed must be one integer or None, got a list")
-        return seed
 
     def step(
         self, actions: NDArray[Any]
@@ -233,7 +227,7 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
         snapshots: NDArray[np.uint8],
         env_id: ArrayLike | None = None,
         *,
-        seed: int | None = None,
+        seed: int | Sequence[int | None] | None = None,
     ) -> tuple[Arrays, dict[str, Any]]:
         """Continue from snapshots, uint8 [K, snapshot_size], in all environments or those of `env_id`.
 
@@ -241,8 +235,8 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
         does the same for all environments, and wrappers begin to count anew.
 
         Returns observations and infos of all environments as after a reset. Without a seed the battles go on
-        as they would have gone on; with one, environment i has the execution orders of seed + i. Raises
-        InvalidRequest as `Envs.reset`.
+        as they would have gone on; with one, environment i has the execution orders of seed + i, and a list
+        has one seed per environment. Raises InvalidRequest as `Envs.reset`.
         """
         batch = self._envs.reset(seed, env_id=env_id, snapshots=snapshots)
         self._keep(batch)
