@@ -58,23 +58,17 @@ impl Kernel for Pushing<'_, '_> {
     fn run<S: InstructionSet>(self, simd: S) {
         let World { arena, units, alive_ids, scratch, .. } = self.world;
         let TickScratch { preferred, postures, standing, walking, avoid, .. } = &mut **scratch;
+        let (standing, walking) = (&*standing, &*walking);
         // Slices of one length: one check of an id serves all columns.
         let n = units.pos.len();
         let (pos, planned_vel) = (&units.pos[..n], &mut units.planned_vel[..n]);
         let (preferred, postures) = (&preferred[..n], &postures[..n]);
         let all_stats = &arena.starcraft_stats[..n];
-        let after_step = |id: u32| {
+        for &id in &alive_ids.all {
             let (i, side) = (id as usize, side_of(arena, id));
-            Member { id, side, at: pos[i] + preferred[i] * TICK as f32, body: all_stats[i].body }
-        };
-        walking.iter_mut().for_each(Crowd::clear);
-        for &id in &alive_ids.all {
-            let i = id as usize;
-            walking[all_stats[i].plane as usize].add_if(postures[i] == Posture::Walks, &after_step(id));
-        }
-        for &id in &alive_ids.all {
-            let i = id as usize;
-            let (stats, unit) = (&all_stats[i], after_step(id));
+            let stats = &all_stats[i];
+            let at = pos[i] + preferred[i] * TICK as f32;
+            let unit = Member { id: id as f32, side, at, body: stats.body };
             let (standing, walking) = (&standing[stats.plane as usize], &walking[stats.plane as usize]);
             let is_own = |other: &Member| other.side == unit.side;
             let pushed = match postures[i] {
@@ -114,18 +108,16 @@ impl StarcraftStats {
 #[inline(always)]
 fn pushes<S: InstructionSet>(simd: S, crowd: &Crowd, unit: &Member, share: impl Fn(&Member) -> f32) -> Vec2 {
     let (at, radius) = (Vec2s::splat(simd, unit.at), F32s::splat(simd, unit.body.radius));
+    let id = F32s::splat(simd, unit.id);
     let mut sum = Vec2::ZERO;
     for (len, group) in crowd.groups() {
         let mut touching = group.which(simd, len, |them| {
             let reach = radius + them.radii;
-            (at - them.at).length_squared().lt(reach * reach)
+            (at - them.at).length_squared().lt(reach * reach) & !them.ids.eq(id)
         });
         while touching != 0 {
             let other = group.member(touching.trailing_zeros() as usize);
             touching &= touching - 1;
-            if other.id == unit.id {
-                continue;
-            }
             let way = unit.at - other.at;
             let length = way.length();
             // Of two units at one point, that with the lower id goes west.

@@ -22,10 +22,10 @@ pub(in crate::tick) struct Group {
     weights: Column,
 }
 
-/// A unit of a crowd.
+/// A unit of a crowd. Its id is a float as in a group, which is exact.
 #[derive(Clone, Copy)]
 pub(in crate::tick) struct Member {
-    pub id: u32,
+    pub id: f32,
     pub side: f32,
     pub at: Vec2,
     pub body: BodyStats,
@@ -52,6 +52,12 @@ impl Crowd {
         self.len == 0
     }
 
+    /// Adds a unit.
+    #[inline(always)]
+    pub fn add(&mut self, member: &Member) {
+        self.add_if(true, member);
+    }
+
     /// Adds a unit if a condition holds, without a branch: what units do is hard to predict.
     #[inline(always)]
     pub fn add_if(&mut self, condition: bool, member: &Member) {
@@ -59,7 +65,7 @@ impl Crowd {
         for (column, number) in group.at.iter_mut().zip(member.at.to_array()) {
             column[entry] = number;
         }
-        (group.ids[entry], group.sides[entry]) = (member.id as f32, member.side);
+        (group.ids[entry], group.sides[entry]) = (member.id, member.side);
         (group.radii[entry], group.weights[entry]) = (member.body.radius, member.body.weight);
         self.len += usize::from(condition);
     }
@@ -67,8 +73,12 @@ impl Crowd {
     /// The groups, each with the number of its units.
     #[inline(always)]
     pub fn groups(&self) -> impl Iterator<Item = (usize, &Group)> {
-        let lengths = (0..self.len).step_by(MAX_WIDTH).map(|first| usize::min(self.len - first, MAX_WIDTH));
-        lengths.zip(&self.groups)
+        let mut left = self.len;
+        self.groups.iter().map_while(move |group| {
+            let len = usize::min(left, MAX_WIDTH);
+            left -= len;
+            (len > 0).then_some((len, group))
+        })
     }
 }
 
@@ -82,7 +92,8 @@ impl Group {
         condition: impl Fn(&Members<S>) -> Mask<S>,
     ) -> u32 {
         let mut bits = 0;
-        for first in (0..len).step_by(S::WIDTH) {
+        // A number of parts that is known: no index is checked.
+        for first in (0..MAX_WIDTH / S::WIDTH).map(|part| part * S::WIDTH).take_while(|first| *first < len) {
             let column = |column: &Column| F32s::from_slice(simd, &column[first..]);
             let members = Members {
                 at: Vec2s::load_from(simd, &self.at, first),
@@ -100,7 +111,7 @@ impl Group {
     #[inline(always)]
     pub fn member(&self, entry: usize) -> Member {
         Member {
-            id: self.ids[entry] as u32,
+            id: self.ids[entry],
             side: self.sides[entry],
             at: Vec2::new(self.at[0][entry], self.at[1][entry]),
             body: BodyStats { radius: self.radii[entry], weight: self.weights[entry] },

@@ -8,7 +8,8 @@ use glam::Vec2;
 
 use super::super::{TickScratch, World};
 use super::bodies::side_of;
-use super::crowd::Crowd;
+use super::crowd::{Crowd, Member};
+use crate::TICK;
 use crate::simd::x4::{F32x4, Four, Vec2x4, WIDTH, four};
 use crate::simd::{F32s, InstructionSet, Kernel, MAX_WIDTH, Mask, Vec2s};
 
@@ -131,7 +132,8 @@ fn blocking<S: InstructionSet>(way: Vec2s<S>, reach: F32s<S>, direction: Vec2s<S
     is_ahead & way.perp_dot(direction).abs().lt(reach)
 }
 
-/// Lets every living unit that would walk into others that stand prefer a way past them.
+/// Lets every living unit that would walk into others that stand prefer a way past them. Leaves those that
+/// walk where their steps end.
 #[inline(never)]
 pub(super) fn take(world: &mut World) {
     world.scratch.level.run(Turning { world });
@@ -145,10 +147,8 @@ impl Kernel for Turning<'_, '_> {
     #[inline(always)]
     fn run<S: InstructionSet>(self, simd: S) {
         let World { arena, units, alive_ids, scratch, .. } = self.world;
-        let TickScratch { preferred, standing, near, .. } = &mut **scratch;
-        if standing.iter().all(Crowd::is_empty) {
-            return;
-        }
+        let TickScratch { preferred, standing, walking, near, .. } = &mut **scratch;
+        walking.iter_mut().for_each(Crowd::clear);
         let four = four();
         // Slices of one length: one check of an id serves all columns.
         let n = units.pos.len();
@@ -157,20 +157,24 @@ impl Kernel for Turning<'_, '_> {
         let all_stats = &arena.starcraft_stats[..n];
         for &id in &alive_ids.all {
             let i = id as usize;
-            let speed = preferred[i].length();
-            if speed == 0.0 {
+            if preferred[i] == Vec2::ZERO {
                 continue;
             }
-            let straight = preferred[i] / speed;
-            let stats = &all_stats[i];
-            let radius = stats.body.radius;
-            let walker = Walker { at: pos[i], side: side_of(arena, id), radius, target: targets[i] };
+            let (stats, side) = (&all_stats[i], side_of(arena, id));
             let standing = &standing[stats.plane as usize];
-            if near.find(simd, standing, &walker, straight)
-                && let Some(free) = near.free_direction(four, standing, &walker, straight, vel[i])
-            {
-                preferred[i] = free * speed;
+            let speed = preferred[i].length();
+            if !standing.is_empty() && speed > 0.0 {
+                let straight = preferred[i] / speed;
+                let walker = Walker { at: pos[i], side, radius: stats.body.radius, target: targets[i] };
+                if near.find(simd, standing, &walker, straight)
+                    && let Some(free) = near.free_direction(four, standing, &walker, straight, vel[i])
+                {
+                    preferred[i] = free * speed;
+                }
             }
+            let at = pos[i] + preferred[i] * TICK as f32;
+            let walker = Member { id: id as f32, side, at, body: stats.body };
+            walking[stats.plane as usize].add(&walker);
         }
     }
 }
@@ -178,7 +182,6 @@ impl Kernel for Turning<'_, '_> {
 #[cfg(test)]
 mod tests {
     use super::super::bodies::NO_SIDE;
-    use super::super::crowd::Member;
     use super::*;
     use crate::arena::BodyStats;
     use crate::random::Generator;
@@ -222,7 +225,10 @@ mod tests {
             let walker =
                 Walker { at: Vec2::splat(width / 2.0), side: 1.0, radius: 0.375, target: Some(target) };
             let mut add = |id, side, at, radius| {
-                standing.add_if(true, &Member { id, side, at, body: BodyStats { radius, weight: 1.0 } });
+                standing.add_if(
+                    true,
+                    &Member { id: id as f32, side, at, body: BodyStats { radius, weight: 1.0 } },
+                );
             };
             add(target, NO_SIDE, walker.at + Vec2::splat(0.1), 0.3);
             // So are an idle unit of its side, which it pushes, and idle ones of the other side.

@@ -46,7 +46,7 @@ pub(super) fn prefer(world: &mut World) {
             _ => Posture::IsIdle,
         };
         let side = if postures[i] == Posture::Holds { NO_SIDE } else { side_of(arena, id) };
-        let member = Member { id, side, at: walks.pos[i], body: stats.body };
+        let member = Member { id: id as f32, side, at: walks.pos[i], body: stats.body };
         standing[stats.plane as usize].add_if(postures[i] != Posture::Walks, &member);
     }
 }
