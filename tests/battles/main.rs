@@ -9,5 +9,6 @@ mod playground;
 mod properties;
 mod rewards;
 mod rules;
+mod snapshots;
 mod starcraft;
 mod ticks;

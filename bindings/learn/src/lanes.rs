@@ -337,11 +337,8 @@ impl Lanes {
             let lane = &mut self.lanes[index];
             let envs = lane.first_env..lane.first_env + lane.settings.num_envs;
             let snapshots = &saved.snapshots[envs.start * size..envs.end * size];
-            lane.client.send(
-                Order::Restore { snapshots, seeds: Seeds::Continue },
-                None,
-                WaitOptions::forever(),
-            )?;
+            let restore = Order::Restore { snapshots, seeds: Seeds::Continue };
+            lane.client.send(restore, None, WaitOptions::forever())?;
             lane.over = saved.over[envs].iter().map(|over| *over != 0).collect();
             (lane.batch, lane.is_restored) = (None, true);
             self.batch(index, &mut || false)?;
