@@ -240,7 +240,7 @@ wheels *systems: _venv
 windows *tests: build (wheels "windows")
     cargo build --release --quiet --bin smaclite-pool --target {{ for_windows }}
     {{ python }} tests/windows.py {{ program }} target/{{ for_windows }}/release/smaclite-pool.exe \
-        "$(ls -t dist/*-win_amd64.whl | head -1)" {{ tests }}
+        "$(ls -t dist/*-abi3-win_amd64.whl | head -1)" {{ tests }}
 
 for_windows := "x86_64-pc-windows-gnu"
 

@@ -26,6 +26,9 @@ SYSTEMS = {
     "macos": ("universal2-apple-darwin", ["aarch64-apple-darwin", "x86_64-apple-darwin"], ZIG),
     "windows": ("x86_64-pc-windows-gnu", ["x86_64-pc-windows-gnu"], []),
 }
+# The interfaces of CPython that wheels use: the stable one of all versions since 3.10, and that of
+# free-threaded 3.14, which has none that is stable.
+INTERPRETERS: tuple[list[str], ...] = ([], ["--interpreter", "python3.14t"])
 
 # Where shells look for the completions of programs, in the folder `share`.
 COMPLETIONS = {
@@ -84,19 +87,25 @@ def build(system: str, share: Path) -> None:
     for library in libraries:
         if not Path(rust("target-libdir", "--target", library)).is_dir():
             run("rustup", "target", "add", library)
-    with tempfile.TemporaryDirectory(dir=DIST) as folder:
-        maturin(
-            *["build", "--release", "--target", target, *options, "--target-dir", "target"],
-            *["--out", folder, *neutral_paths()],
-        )
-        (wheel,) = Path(folder).glob("*.whl")
-        run(sys.executable, "-m", "wheel", "unpack", "--dest", folder, str(wheel))
-        # The list of crates (SBOM) names those of this repository by their folder.
-        (unpacked,) = (path for path in Path(folder).iterdir() if path.is_dir())
-        for sbom in unpacked.glob("*.dist-info/sboms/*"):
-            sbom.write_text(sbom.read_text().replace(f"{ROOT.as_uri()}/", "file:///"))
-        shutil.copytree(share, unpacked / f"{unpacked.name}.data/data/share")
-        run(sys.executable, "-m", "wheel", "pack", "--dest-dir", str(DIST), str(unpacked))
+    for interpreter in INTERPRETERS:
+        with tempfile.TemporaryDirectory(dir=DIST) as folder:
+            maturin(
+                *["build", "--release", "--target", target, *interpreter, *options, "--target-dir", "target"],
+                *["--out", folder, *neutral_paths()],
+            )
+            finish(Path(folder), share)
+
+
+def finish(folder: Path, share: Path) -> None:
+    """Adds the files of `share` to the wheel in a folder, and moves it to `DIST`."""
+    (wheel,) = folder.glob("*.whl")
+    run(sys.executable, "-m", "wheel", "unpack", "--dest", str(folder), str(wheel))
+    # The list of crates (SBOM) names those of this repository by their folder.
+    (unpacked,) = (path for path in folder.iterdir() if path.is_dir())
+    for sbom in unpacked.glob("*.dist-info/sboms/*"):
+        sbom.write_text(sbom.read_text().replace(f"{ROOT.as_uri()}/", "file:///"))
+    shutil.copytree(share, unpacked / f"{unpacked.name}.data/data/share")
+    run(sys.executable, "-m", "wheel", "pack", "--dest-dir", str(DIST), str(unpacked))
 
 
 def main() -> None:

@@ -22,16 +22,25 @@ pub fn seeds(arg: Option<&Bound<'_, PyAny>>, n_envs: usize) -> PyResult<OwnedSee
     let Some(arg) = arg else { return Ok(Seeds::Continue) };
     let given = match arg.extract::<IntArg>()? {
         IntArg::Other(_) if is_list(arg) => arg.try_iter()?,
+        IntArg::Other(other) => {
+            let expected = "seed must be an integer, or a list with one per environment";
+            return Err(other.error(expected));
+        }
         seed => return Ok(Seeds::From(to_unsigned("seed", seed)?)),
     };
     let mut seeds = Vec::with_capacity(n_envs);
-    for seed in given {
+    // An iterator may have no end.
+    for seed in given.take(n_envs + 1) {
         let seed = seed?.extract::<Option<IntArg>>()?;
         let name = format!("seed[{}]", seeds.len());
         seeds.push(seed.map(|seed| to_unsigned(&name, seed)).transpose()?);
     }
     if seeds.len() != n_envs {
-        let got = seeds.len();
+        let got = match arg.len() {
+            Ok(len) => len.to_string(),
+            Err(_) if seeds.len() > n_envs => "more".to_owned(),
+            Err(_) => seeds.len().to_string(),
+        };
         return Err(invalid_request(format!(
             "seed must be an integer, or have one per environment of the request, {n_envs}; got {got}"
         )));

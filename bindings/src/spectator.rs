@@ -7,6 +7,7 @@ use crate::lane_spec::lane_spec;
 use crate::query::runtime_dir;
 use crate::wait::run_on_thread;
 use pyo3::prelude::*;
+use pyo3::sync::MutexExt;
 use pyo3::types::PyTuple;
 use smaclite_ipc::WaitOptions;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -42,9 +43,10 @@ struct Watching {
 }
 
 impl Spectator {
-    fn lock(&self) -> MutexGuard<'_, Option<Watching>> {
-        // Nothing waits while it is locked.
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    /// Detached from the interpreter while it waits: who has it makes a Python object, which may have to wait
+    /// for all attached threads to pause.
+    fn lock(&self, py: Python<'_>) -> MutexGuard<'_, Option<Watching>> {
+        self.0.lock_py_attached(py).unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -79,7 +81,7 @@ impl Spectator {
     ///     Forked: this process is a forked child of the one that made the spectator.
     ///     Closed: the spectator is closed.
     fn latest(&self, py: Python<'_>) -> PyResult<Option<Py<Batch>>> {
-        let mut guard = self.lock();
+        let mut guard = self.lock(py);
         let watching = guard.as_mut().ok_or_else(closed)?;
         if let Some(newer) = watching.spectator.newer().map_err(client_error)? {
             watching.latest = Some(Py::new(py, Batch::new(Arc::new(newer)))?);
@@ -93,13 +95,13 @@ impl Spectator {
     ///     Closed: the spectator is closed.
     #[getter]
     fn spec<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
-        let description = self.lock().as_ref().ok_or_else(closed)?.spectator.description().clone();
+        let description = self.lock(py).as_ref().ok_or_else(closed)?.spectator.description().clone();
         lane_spec(py, &description, &description.layout().map_err(invalid_request)?)
     }
 
     /// Leave the lane. Batches and their arrays stay valid. Closing twice has no effect.
-    fn close(&self) {
-        let watching = self.lock().take();
+    fn close(&self, py: Python<'_>) {
+        let watching = self.lock(py).take();
         drop(watching);
     }
 
@@ -108,7 +110,7 @@ impl Spectator {
     }
 
     #[pyo3(signature = (*_exception))]
-    fn __exit__(&self, _exception: &Bound<'_, PyTuple>) {
-        self.close();
+    fn __exit__(&self, py: Python<'_>, _exception: &Bound<'_, PyTuple>) {
+        self.close(py);
     }
 }

@@ -267,7 +267,7 @@ def test_wrong_arguments_name_what_is_accepted() -> None:
             (sp.errors.InvalidRequest, "environment 5 does not exist", lambda: envs.fork([5], [0])),
             (sp.errors.InvalidRequest, "appears twice", lambda: envs.fork([0, 1], [1, 1])),
             (sp.errors.InvalidRequest, "got 2 and 1", lambda: envs.fork([0, 1], [1])),
-            (TypeError, "seed must be an integer, got str", lambda: envs.fork([0], [1], seed="3")),
+            (TypeError, "or a list with one per environment, got str", lambda: envs.fork([0], [1], seed="3")),
             (
                 sp.errors.InvalidRequest,
                 "one per environment of the request, 2; got 3",

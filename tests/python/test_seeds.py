@@ -5,6 +5,7 @@ Processes once shared chance by accident: what had no seed had seed 0, or a stat
 
 from __future__ import annotations
 
+import itertools
 import multiprocessing
 import subprocess
 import sys
@@ -296,8 +297,16 @@ def test_a_list_of_seeds_resets_all_that_is_named_or_nothing() -> None:
 @pytest.mark.parametrize("seed", [{1, 2, 3, 4}, frozenset([1, 2, 3, 4]), {0: 1, 1: 2, 2: 3, 3: 4}, b"abcd"])
 def test_seeds_without_an_order_are_refused(seed: Any) -> None:
     """A set gave its seeds in any order, and a dictionary its keys."""
-    with sp.make("3m", 4) as envs, pytest.raises(TypeError, match="seed must be an integer, got"):
+    with sp.make("3m", 4) as envs, pytest.raises(TypeError, match="or a list with one per environment, got"):
         envs.reset(seed=seed)
+
+
+def test_seeds_without_an_end_are_refused() -> None:
+    with sp.make("3m", 4) as envs:
+        with pytest.raises(sp.errors.InvalidRequest, match="one per environment of the request, 4; got more"):
+            envs.reset(seed=itertools.count())  # type: ignore[arg-type]
+        batch = envs.reset(seed=iter([1, None, 3, 4]))  # type: ignore[arg-type]
+        assert batch.was_reset.all()
 
 
 def test_a_session_does_not_depend_on_earlier_ones(serve: Serve) -> None:

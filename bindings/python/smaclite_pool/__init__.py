@@ -25,16 +25,6 @@ None of them is imported with this package, and each docstring begins with an ex
 `help("smaclite_pool.marl.smac")`.
 """
 
-import sys
-
-if "free-threading" in sys.version:  # `sys.abiflags` is not there on Windows
-    # Not tested there: batches are views of memory that other threads may replace.
-    raise ImportError(
-        "smaclite_pool needs a Python with the global interpreter lock; this is a free-threaded build "
-        "(python3.13t and the like): use the normal one of the same version"
-    )
-del sys  # not a name of this package
-
 from . import errors, extras
 from ._evaluation import Evaluation, evaluate
 from ._native import (
