@@ -60,6 +60,14 @@ pub(crate) struct IpcNode {
     pub(crate) shm_dir: Arc<ShmDir>,
 }
 
+impl IpcNode {
+    /// Removes what killed processes left.
+    pub(crate) fn clean_up_dead_nodes(&self) {
+        self.shm_dir.complete_dead_nodes(self.node.id().value());
+        self.node.try_cleanup_dead_nodes();
+    }
+}
+
 /// A node without signal handlers, with an explicit configuration.
 pub(crate) fn open_node(runtime_dir: &RuntimeDir, name: &str) -> Result<IpcNode, IpcError> {
     quiet();

@@ -119,7 +119,7 @@ pub(crate) fn serve(mut server: ControlServer, listener: Listener, stop: Stream,
             server.measure();
             if last_activity.elapsed() < LOOKED_FOR || last_cleanup.elapsed() >= REST {
                 last_cleanup = last_check;
-                server.ipc_node.node.try_cleanup_dead_nodes();
+                server.ipc_node.clean_up_dead_nodes();
             }
         }
     }
@@ -368,7 +368,7 @@ impl ControlServer {
             Role::Follower(index, ref followed) => self.unfollow(index, followed),
             Role::Learner(index) => {
                 // If it died, its successor gets the memory of the frames that it held.
-                self.ipc_node.node.try_cleanup_dead_nodes();
+                self.ipc_node.clean_up_dead_nodes();
                 self.lanes[index].learner_pid = None;
                 self.pool.lane(index).set_session(None);
                 tracing::info!(

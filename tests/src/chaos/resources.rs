@@ -16,8 +16,8 @@ struct Resources {
     /// Private memory in kB.
     memory: u64,
     mappings: usize,
-    /// Files of both pools.
-    files: usize,
+    /// Files of both pools, sorted.
+    files: Vec<PathBuf>,
 }
 
 /// Descriptors of two learners, eight each, that had no session at the first measurement. A leak would show
@@ -41,7 +41,7 @@ impl ResourceMonitor {
 
     pub(super) fn measure(&mut self, dir: &TestDir) {
         let measurement = if self.first.is_none() { &mut self.first } else { &mut self.last };
-        *measurement = measure(&self.process, dir.files().len());
+        *measurement = measure(&self.process, dir.files());
     }
 
     /// The two measurements, as text.
@@ -61,22 +61,27 @@ impl ResourceMonitor {
             last.memory,
             first.mappings,
             last.mappings,
-            first.files,
-            last.files
+            first.files.len(),
+            last.files.len()
         );
         let is_constant = last.descriptors.len() <= first.descriptors.len() + MORE_DESCRIPTORS
             && last.memory <= first.memory * 11 / 10 + MORE_MEMORY
             && last.mappings <= first.mappings + MORE_MAPPINGS
-            && last.files <= first.files + MORE_FILES;
+            && last.files.len() <= first.files.len() + MORE_FILES;
         if is_constant {
             return Ok(text);
         }
+        let new_files: Vec<_> =
+            last.files.iter().filter(|file| first.files.binary_search(file).is_err()).collect();
         let (first, last) = (&first.descriptors, &last.descriptors);
-        Err(format!("the resources of the supervisor grow: {text}; first {first:#?}, last {last:#?}"))
+        Err(format!(
+            "the resources of the supervisor grow: {text}; first {first:#?}, last {last:#?}, \
+             new files {new_files:#?}"
+        ))
     }
 }
 
-fn measure(process: &Path, files: usize) -> Option<Resources> {
+fn measure(process: &Path, files: Vec<PathBuf>) -> Option<Resources> {
     let links = std::fs::read_dir(process.join("fd")).ok()?.flatten();
     let name = |link: std::fs::DirEntry| Some(link.path().read_link().ok()?.to_string_lossy().into_owned());
     let mut descriptors: Vec<_> = links.filter_map(name).collect();

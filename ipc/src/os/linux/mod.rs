@@ -1,5 +1,6 @@
 //! Linux: other processes attach to pools.
 
+mod dead_nodes;
 pub(crate) mod files;
 mod fork;
 pub(crate) mod memory;

@@ -137,6 +137,11 @@ impl RuntimeDir {
 }
 
 impl ShmDir {
+    /// Its path.
+    pub(super) fn folder(&self) -> &Path {
+        &self.usage.folder
+    }
+
     /// The configuration of every iceoryx2 node; explicit, so that no configuration file changes it.
     pub(crate) fn iceoryx(&self) -> Config {
         iceoryx(&self.usage.folder)
