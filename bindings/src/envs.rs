@@ -53,8 +53,8 @@ pub struct Embedded {
 /// `reset` to discard it; where Ctrl-C came with the batch, the next request of a synchronous lane discards
 /// it, too.
 ///
-/// In an asynchronous lane, `step`, `reset` and `fork` raise InvalidRequest if fewer than M results are
-/// outstanding with those that they request; what they request is done nevertheless.
+/// In an asynchronous lane, `step`, `reset` and `fork` raise InvalidRequest, and request nothing, if fewer
+/// than M results would be outstanding with theirs.
 ///
 /// Only one thread may call these environments at a time; a concurrent call raises Busy. After a fork, calls
 /// in the child raise Forked; calls after `close` raise Closed.
@@ -123,19 +123,23 @@ impl Envs {
         scenario.map_err(|problems| class::ScenarioError::new_err(problems.to_string()))
     }
 
-    /// Sends a request to copy environments, and stays in its call.
+    /// Sends a request to copy environments, and stays in its call; with `receives`, only if a batch arrives.
     fn send_fork(
         &self,
         py: Python<'_>,
         env_id_from: &Bound<'_, PyAny>,
         env_id_to: &Bound<'_, PyAny>,
         seed: Option<&Bound<'_, PyAny>>,
+        receives: bool,
     ) -> PyResult<ClientGuard<'_>> {
         let from = arrays::int32_array("env_id_from", env_id_from, &[None])?;
         let to = arrays::int32_array("env_id_to", env_id_to, &[None])?;
         let (from, to) = (from.as_slice()?.to_vec(), to.as_slice()?.to_vec());
         let seeds = self.seeds(seed, Some(&to))?;
         let mut guard = self.shared.try_lock()?;
+        if receives {
+            guard.check_is_answered(Some(&to))?;
+        }
         let client = guard.client();
         let fork = Order::Fork { from: &from, seeds: seeds.as_deref() };
         wait_detached(py, None, |wait| client.send(fork, Some(&to), wait))?;
@@ -159,7 +163,8 @@ impl Envs {
     /// Start new episodes and return the batch with their first observations.
     ///
     /// A reset of all environments discards results that were not received. A synchronous lane always returns
-    /// all environments; those that were not selected are unchanged.
+    /// all environments; those that were not selected are unchanged, but for the first reset after `make` or
+    /// `connect`, which begins new episodes in them. In an asynchronous lane the first must be of all.
     ///
     /// Args:
     ///     seed: from 0 to `2**64 - 1`; environment i is seeded with seed + i. Or a list of one seed per
@@ -177,10 +182,8 @@ impl Envs {
     ///         `snapshot` of this or another lane of the same scenario, rule set and `obs_last_actions`. The
     ///         lane needs the field (`make(..., fields=[..., "snapshot"])`). No step is made: rewards are 0,
     ///         and `was_reset` is true of all environments in the batch. Either all selected environments
-    ///         change, or none. If this is the first reset after `make` or `connect`, the others begin new
-    ///         episodes; in an asynchronous lane it must then be of all environments. Those with a seed go on
-    ///         with the execution orders that a reset with it would draw, others with those that would have
-    ///         been drawn.
+    ///         change, or none. Those with a seed go on with the execution orders that a reset with it would
+    ///         draw, others with those that would have been drawn.
     ///     timeout: seconds to wait for the batch; None for no limit.
     ///
     /// Raises:
@@ -255,6 +258,7 @@ impl Envs {
         let (actions, ids) = self.step_arguments(actions, env_id)?;
         let ids = ids.as_ref().map(Int32Array::as_slice).transpose()?;
         let mut guard = self.shared.try_lock()?;
+        guard.check_is_answered(ids)?;
         begin_step(py, guard.client(), actions, ids)?;
         guard.sent();
         guard.receive(py, timeout)
@@ -388,7 +392,7 @@ impl Envs {
         #[pyo3(from_py_with = timeout_seconds)] timeout: Option<f64>,
     ) -> PyResult<Batch> {
         let timeout = to_duration(timeout)?;
-        let mut guard = self.send_fork(py, env_id_from, env_id_to, seed)?;
+        let mut guard = self.send_fork(py, env_id_from, env_id_to, seed, true)?;
         guard.sent();
         guard.receive(py, timeout)
     }
@@ -412,7 +416,7 @@ impl Envs {
         env_id_to: &Bound<'_, PyAny>,
         seed: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<()> {
-        self.send_fork(py, env_id_from, env_id_to, seed)?.sent();
+        self.send_fork(py, env_id_from, env_id_to, seed, false)?.sent();
         Ok(())
     }
 

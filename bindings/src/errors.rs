@@ -62,6 +62,7 @@ pub fn client_error(error: ClientError) -> PyErr {
         ClientError::Rejected(rejection) => rejection_error(rejection),
         ClientError::WrongLength { .. }
         | ClientError::NothingToReceive { .. }
+        | ClientError::TooFewForBatch { .. }
         | ClientError::NoBatch
         | ClientError::NotInBatch { .. }
         | ClientError::NoMasks

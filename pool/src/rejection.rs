@@ -26,7 +26,7 @@ pub enum Rejection {
     FinishedEnv { env: usize },
     #[error("a synchronous lane steps all {expected} environments at once, got {given}")]
     IncompleteBatch { given: usize, expected: usize },
-    #[error("no environment was reset since this learner attached; call reset first")]
+    #[error("no environment was reset since this learner attached; call reset first, for all of them")]
     NotReset,
     #[error("environment {env} cannot be restored: {why}")]
     BadSnapshot { env: usize, why: String },

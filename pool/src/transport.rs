@@ -151,10 +151,10 @@ impl RequestKind {
     }
 
     /// Whether the request begins an epoch, if it is accepted: what was requested before is dropped. In a
-    /// session that was not reset, a restore resets the other environments of a synchronous lane.
+    /// session that was not reset, it resets the environments of a synchronous lane that it does not name.
     pub fn begins_epoch(self, names_all: bool, is_synchronous: bool, was_reset: bool) -> bool {
         match self {
-            RequestKind::Reset { .. } => names_all,
+            RequestKind::Reset { .. } => names_all || is_synchronous && !was_reset,
             RequestKind::Restore { .. } => !was_reset && (names_all || is_synchronous),
             RequestKind::Step | RequestKind::Fork { .. } => false,
         }

@@ -92,8 +92,8 @@ fn a_repeated_request_number_is_rejected() {
 }
 
 #[test]
-fn a_session_must_begin_with_a_reset_of_all() {
-    let (_pool, mut learner) = start_one(1, &LanePlan::toy(N));
+fn an_asynchronous_session_must_begin_with_a_reset_of_all() {
+    let (_pool, mut learner) = start_one(1, &LanePlan { batch_size: 2, ..LanePlan::toy(N) });
     learner.send_step(&all(N), &[0; 2 * N]);
     assert_eq!(learner.rejection(), Rejection::NotReset);
     learner.send_reset(None, &[1]);
@@ -103,7 +103,23 @@ fn a_session_must_begin_with_a_reset_of_all() {
     learner.send_step(&all(N), &[0; 2 * N]);
     assert_eq!(learner.rejection(), Rejection::NotReset, "the rejected reset had an effect");
     learner.send_reset_all(None);
-    assert_eq!(learner.batch().len(), N);
+    assert_eq!(learner.batch().len(), 2);
+}
+
+/// A restore of some environments could begin a session, and a reset of some could not.
+#[test]
+fn the_first_reset_of_some_environments_begins_all() {
+    let (_pool, mut learner) = start_one(1, &LanePlan::toy(N));
+    learner.send_step(&all(N), &[0; 2 * N]);
+    assert_eq!(learner.rejection(), Rejection::NotReset);
+    learner.send_reset(None, &[0, 1, 2, 2]);
+    assert_eq!(learner.rejection(), Rejection::DuplicateEnv { env: 2 });
+    learner.send_step(&all(N), &[0; 2 * N]);
+    assert_eq!(learner.rejection(), Rejection::NotReset, "the rejected reset had an effect");
+    learner.send_reset(None, &[1]);
+    let frame = learner.frame();
+    assert_eq!(frame.rejection(), None);
+    assert_eq!(learner.rows(&frame).len(), N);
 }
 
 #[test]

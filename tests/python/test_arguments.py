@@ -362,3 +362,24 @@ def test_keys_given_to_make_are_those_of_a_file(battle: dict[str, Any], tmp_path
 def test_a_boolean_env_id_says_how_to_get_ids(envs: sp.Envs) -> None:
     with pytest.raises(TypeError, match=r"env_id must be an integer array, got bool \(numpy.flatnonzero"):
         envs.reset(env_id=np.ones(N, bool))
+
+
+def test_what_too_few_results_would_answer_is_not_sent() -> None:
+    """The step was made, and then refused with the advice to send actions."""
+    fields = ["env_id", "episode_length", "was_reset", "snapshot"]
+    with sp.make("3m", 4, batch_size=2, threads=1, fields=fields) as envs:
+        envs.async_reset(seed=1)
+        for _ in range(2):
+            envs.recv()
+        stop = np.ones((1, 3), np.int32)
+        calls: list[Callable[[], object]] = [
+            lambda: envs.step(stop, [0]),
+            lambda: envs.reset(seed=5, env_id=[0]),
+            lambda: envs.fork([1], [0]),
+        ]
+        for call in calls:
+            with pytest.raises(sp.errors.InvalidRequest, match="nothing was sent: .* 1 of the 2 results"):
+                call()
+        envs.send(stop, [1])
+        batch = envs.step(stop, [0])  # with the one that was sent, two are enough
+        assert sorted(batch.env_id.tolist()) == [0, 1] and (batch.episode_length == 1).all()

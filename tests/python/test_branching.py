@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pickle
+import time
 from pathlib import Path
 from typing import Any
 
@@ -121,6 +122,25 @@ def test_an_asynchronous_lane_branches() -> None:
         again = envs.recv(timeout=60)
         order = np.argsort(batch.env_id)
         np.testing.assert_array_equal(again.obs[np.argsort(again.env_id)], batch.obs[order])
+
+
+@pytest.mark.parametrize("served", [False, True])
+def test_an_environment_that_still_works_is_not_copied(served: bool, serve: Serve) -> None:
+    """The copy was of the state before or after the step that was not received, or was refused by the next
+    `recv`, depending on how far the pool was."""
+    if served:
+        serve("3m:4", "--name", "busy", "--batch-size", "2", "--threads", "1")
+    for wait in (0.0, 0.02):
+        with sp.connect("busy", timeout=10) if served else sp.make("3m", 4, batch_size=2, threads=1) as envs:
+            envs.async_reset(seed=1)
+            for _ in range(2):
+                envs.recv()
+            envs.send([[1, 1, 1]], [1])
+            time.sleep(wait)
+            with pytest.raises(sp.errors.InvalidRequest, match="environment 1 still works"):
+                envs.async_fork([1, 0], [2, 3])
+            envs.async_fork([0], [2])
+            assert sorted(envs.recv().env_id.tolist()) == [1, 2]
 
 
 def test_edited_columns_become_a_snapshot_again() -> None:
@@ -429,8 +449,9 @@ def test_a_refusal_is_told_before_that_nothing_will_come(served: bool, serve: Se
         envs.recv()
         envs.recv()
         for _ in range(2):
+            envs.send(np.full((1, 3), 8), [1])
             with pytest.raises(sp.errors.IllegalAction, match="action 8"):
-                envs.step(np.full((1, 3), 8), [1])
+                envs.recv()
         envs.send(np.ones((1, 3), np.int32), [1])
         with pytest.raises(sp.errors.InvalidRequest, match="of the 2 results of a batch, 1 are outstanding"):
             envs.recv(timeout=0.5)

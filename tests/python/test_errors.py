@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import inspect
 import pickle
-import subprocess
 import sys
 import warnings
 from collections.abc import Callable, Iterator

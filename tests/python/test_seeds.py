@@ -301,6 +301,21 @@ def test_seeds_without_an_order_are_refused(seed: Any) -> None:
         envs.reset(seed=seed)
 
 
+def test_the_first_reset_of_some_environments_begins_the_others_too() -> None:
+    """It was refused, with the advice to call reset first, where one with snapshots was not."""
+    with sp.make("3m", 4, seed=7, fields=["snapshot", "was_reset"]) as envs:
+        expected = envs.reset().snapshot.copy()
+        expected[2] = envs.reset(env_id=[2], seed=[40]).snapshot[2]
+    for arguments in ({"env_id": [2]}, {"mask": np.arange(4) == 2}):
+        with sp.make("3m", 4, seed=7, fields=["snapshot", "was_reset"]) as envs:
+            batch = envs.reset(seed=[40], **arguments)
+            assert batch.was_reset.all() and (batch.snapshot == expected).all()
+    with sp.make("3m", 4, batch_size=2) as envs:
+        with pytest.raises(sp.errors.InvalidRequest, match="call reset first, for all of them"):
+            envs.reset(env_id=[2, 3])
+        envs.reset()
+
+
 def test_seeds_without_an_end_are_refused() -> None:
     with sp.make("3m", 4) as envs:
         with pytest.raises(sp.errors.InvalidRequest, match="one per environment of the request, 4; got more"):

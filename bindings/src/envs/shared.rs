@@ -2,6 +2,7 @@
 
 use super::requests::receive;
 use crate::batch::Batch;
+use crate::errors::client_error;
 use crate::exclusive::{Exclusive, Guard, Texts};
 use crate::exit::CloseAtExit;
 use crate::recorder::RecordingToFile;
@@ -70,6 +71,15 @@ impl ClientGuard<'_> {
 
     pub(super) fn client(&mut self) -> &mut Client {
         &mut self.attached().client
+    }
+
+    /// Whether [`receive`](Self::receive) returns after a request to these environments.
+    pub(super) fn check_is_answered(&mut self, ids: Option<&[i32]>) -> PyResult<()> {
+        let attached = self.attached();
+        match attached.kept.is_empty() {
+            true => attached.client.check_is_answered(ids).map_err(client_error),
+            false => Ok(()),
+        }
     }
 
     /// The client, which has sent a request.

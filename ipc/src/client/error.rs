@@ -86,6 +86,11 @@ pub enum ClientError {
          actions first"
     )]
     NothingToReceive { outstanding: usize, batch_size: usize },
+    #[error(
+        "nothing was sent: with this request {outstanding} of the {batch_size} results of a batch would be \
+         outstanding, so none would arrive; use `send`, `async_reset` or `async_fork`, and `recv` later"
+    )]
+    TooFewForBatch { outstanding: usize, batch_size: usize },
     #[error("there is no batch to sample actions by; receive one first")]
     NoBatch,
     #[error(

@@ -186,7 +186,25 @@ impl Client {
         received
     }
 
+    /// Whether a batch arrives after an order to these environments, also if nothing follows.
+    ///
+    /// # Errors
+    /// If too few results would be outstanding.
+    pub fn check_is_answered(&self, env_ids: Option<&[i32]>) -> Result<(), ClientError> {
+        let (lane, settings) = (&self.lane, &self.lane.description.settings);
+        let (outstanding, batch_size) =
+            (lane.outstanding.results() + lane.count(env_ids), settings.batch_size);
+        // The batches of a synchronous lane always have all environments.
+        if settings.is_synchronous() || outstanding >= batch_size {
+            return Ok(());
+        }
+        Err(ClientError::TooFewForBatch { outstanding, batch_size })
+    }
+
     /// [`send`](Client::send) and [`recv`](Client::recv), in the time of one wait.
+    ///
+    /// # Errors
+    /// Also, before anything is sent, those of [`check_is_answered`](Client::check_is_answered).
     pub fn request(
         &mut self,
         order: Order<'_>,
@@ -194,6 +212,7 @@ impl Client {
         mut wait: WaitOptions<'_>,
     ) -> Result<Arc<Batch>, ClientError> {
         let begin = Instant::now();
+        self.check_is_answered(env_ids)?;
         let lane = self.attached()?;
         let sent = lane.send_order(order, env_ids, &mut wait);
         let received = sent.and_then(|()| lane.recv(begin, &mut wait));

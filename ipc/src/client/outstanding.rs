@@ -31,6 +31,14 @@ impl Outstanding {
         if self.first_reset.is_some() { Ok(()) } else { Err(Rejection::NotReset) }
     }
 
+    /// Refuses environments that work on an earlier request, which a fork would copy before or after it.
+    pub(super) fn check_idle(&self, ids: &[i32]) -> Result<(), Rejection> {
+        ids.iter().try_for_each(|id| match env_index(*id, self.busy.len())? {
+            env if self.busy[env].is_some() => Err(Rejection::BusyEnv { env }),
+            _ => Ok(()),
+        })
+    }
+
     /// Marks the environments of `ids` busy with a step.
     pub(super) fn reserve_step(&mut self, number: RequestNumber, ids: &[i32]) -> Result<(), Rejection> {
         let (given, expected) = (ids.len(), self.busy.len());
@@ -172,6 +180,16 @@ mod tests {
         assert_eq!(outstanding.results(), 3);
         assert!(outstanding.release(RequestNumber(5)) && !outstanding.release(RequestNumber(5)));
         assert_eq!(outstanding.results(), 1);
+    }
+
+    /// Whether the fork was of the state before or after the step depended on how far the lane was.
+    #[test]
+    fn an_environment_that_works_is_not_copied() {
+        let mut outstanding = outstanding();
+        outstanding.received(&[0, 2]);
+        assert!(outstanding.check_idle(&[2, 0, 2]).is_ok());
+        assert!(matches!(outstanding.check_idle(&[0, 1]), Err(Rejection::BusyEnv { env: 1 })));
+        assert!(matches!(outstanding.check_idle(&[0, 3]), Err(Rejection::UnknownEnv { env: 3, .. })));
     }
 
     /// Naming them all one by one was once refused while results were under way, where naming none was not.

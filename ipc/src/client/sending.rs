@@ -9,7 +9,6 @@ use crate::services::doing;
 use crate::wait_options::WaitOptions;
 use crate::wire::{RequestHeader, body_offset, request_bytes};
 use smaclite_engine::{RecordLayout, RecordSizes, SnapshotError};
-use smaclite_pool::env_ids::env_index;
 use smaclite_pool::transport::{Request, RequestKind, RequestNumber, Seeds};
 use smaclite_pool::{Deadline, Rejection};
 use std::borrow::Cow;
@@ -46,6 +45,10 @@ impl AttachedLane {
         }
         let reserved = match order {
             Order::Step(_) => self.outstanding.reserve_step(number, ids),
+            Order::Fork { from, .. } => {
+                let idle = self.outstanding.check_idle(from);
+                idle.and_then(|()| self.outstanding.reserve_some(number, ids))
+            }
             _ => self.outstanding.reserve_some(number, ids),
         };
         reserved.map_err(|rejection| self.refused(rejection))?;
@@ -85,10 +88,7 @@ impl AttachedLane {
             Order::Fork { from, .. } if from.len() != envs => {
                 Err(ClientError::WrongForks { from: from.len(), to: envs })
             }
-            Order::Fork { from, .. } => {
-                let num_envs = self.description.settings.num_envs;
-                Ok(from.iter().try_for_each(|env| env_index(*env, num_envs).map(drop))?)
-            }
+            Order::Fork { .. } => Ok(()),
         }
     }
 
