@@ -66,10 +66,11 @@ impl ScenarioFiles {
     }
 
     /// The files with other top-level keys of the scenario file: `null` removes a key, the options of
-    /// `smacv2` and `rewards` are added to those of the file, and any other value replaces the file's. Of
-    /// `groups` and `teams` one replaces the other, and of `terrain` and `terrain_preset`, with which the
-    /// size of the map is that of presets. The text is written anew, and what cannot be changed because it is
-    /// no JSON object stays as it is.
+    /// `smacv2` and `rewards` are added to those of the file, and any other value replaces the file's. The
+    /// options of `rewards` are among those of `smacv2` in a file that has them. Of `groups` and `teams`
+    /// one replaces the other, and of `terrain` and `terrain_preset`, with which the size of the map is
+    /// that of presets. The text is written anew, and what cannot be changed because it is no JSON object
+    /// stays as it is.
     ///
     /// ```
     /// use smaclite_scenarios::ScenarioFiles;
@@ -92,7 +93,11 @@ impl ScenarioFiles {
                 file.remove(*replaced);
             }
         }
-        for (key, value) in keys {
+        let is_smacv2 = file.contains_key(SMACV2.name) && !keys.iter().any(|(key, _)| key == SMACV2.name);
+        for (mut key, value) in keys {
+            if key == REWARDS.name && is_smacv2 && !value.is_null() {
+                SMACV2.name.clone_into(&mut key);
+            }
             let has_options = [SMACV2.name, REWARDS.name].contains(&&*key);
             let of_file = file.remove(&key).filter(|_| has_options);
             let options = of_file.and_then(|options| serde_json::from_str(options.get()).ok());

@@ -10,6 +10,7 @@ import pytest
 import smaclite_pool as sp
 from smaclite_pool.integrations.gymnasium import make_vector
 from smaclite_pool.integrations.pettingzoo import parallel_env
+from smaclite_pool.marl.smac import StarCraft2Env
 
 from conftest import replayed
 
@@ -46,8 +47,16 @@ def test_scenarios_with_smacv2s_options_have_their_own() -> None:
     name = sp.scenarios(generated=True)[0]
     with pytest.raises(sp.errors.ScenarioError, match="`rewards` must be left out beside `smacv2`"):
         sp.make("3m", 1, rewards={"reward_win": 1}, smacv2={})
-    with sp.make(name, 1, smacv2={"reward_win": 77}) as envs:
-        assert envs.spec.rewards["reward_win"] == 77
+    options = {"reward_win": 77}
+    for made in (sp.make(name, 1, smacv2=options), sp.make(name, 1, rewards=options)):
+        with made as envs:
+            assert envs.spec.rewards == {**DEFAULTS, "reward_win": 77}
+    # SMAC's emulation refused them on these scenarios, by keys that it does not take.
+    env = StarCraft2Env(map_name=name, reward_sparse=True, seed=1)
+    env.reset()
+    rewards = [env.step([np.flatnonzero(row)[-1] for row in env.get_avail_actions()])[0] for _ in range(5)]
+    assert rewards == [0] * 5
+    env.close()
 
 
 def test_shares_add_up() -> None:
