@@ -255,11 +255,17 @@ impl Run {
         let state = Checkpoint::read(&path, &config, &description.inputs, &mut read_rival)?;
         // A complete run has made some steps more than described, and can be resumed with that number.
         let (given, made) = (config.steps, state.progress.steps);
-        if given != described && given < made {
-            return Err(TrainError::FewerSteps { folder: folder.display().to_string(), given, made });
-        }
         if given != described && made > 0 {
-            description.former_steps.push(described);
+            let before = KeptLines::read(&folder.join(LOG), state.progress.updates)?.steps_before;
+            let is_end = given <= made && before.is_some_and(|before| before < given);
+            match description.former_steps.iter().position(|former| *former == given) {
+                // It ended so before, and has learnt nothing since.
+                Some(then) if is_end => description.former_steps.truncate(then),
+                _ if given < made => {
+                    return Err(TrainError::FewerSteps { folder: folder.display().to_string(), given, made });
+                }
+                _ => description.former_steps.push(described),
+            }
         }
         let training = Training::resume(config, lanes, threads, state)?;
         let run = Run::open(folder, &description, training, threads, lock)?;

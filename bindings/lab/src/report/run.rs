@@ -93,6 +93,11 @@ impl EvaluatedRun {
         } else {
             vec![Described::by_other(&folder.join(DESCRIPTIONS[1]))?]
         };
+        // A complete run that was resumed with more steps keeps its final episodes until it evaluates again.
+        let steps = described.iter().find_map(|described| Some(described.description.as_ref()?.config.steps));
+        if steps.is_some_and(|steps| result.run_steps < steps) {
+            return Err(incomplete());
+        }
         let maps = described.len();
         check_equally_many(folder, &evaluations, &result, maps)?;
         let on = |(map, described): (usize, Described)| {

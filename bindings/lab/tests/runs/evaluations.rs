@@ -3,7 +3,7 @@
 
 use crate::kit::{Place, check_resumed, complete, evaluated, evaluation, scenario, small};
 use smaclite_engine::Rules;
-use smaclite_lab::verify;
+use smaclite_lab::{Benchmark, verify};
 use smaclite_learn::{
     Algorithm, Config, Enemies, EvaluationRow, FinalResult, Lanes, NetworkKind, Run, SelfPlay, TrainedTeam,
     Weights, resolve_scenario,
@@ -330,6 +330,27 @@ fn a_run_is_not_resumed_with_fewer_steps_than_it_has_made() {
     drop(resume(Some(930)).unwrap()); // the number that it has, or none
     drop(resume(None).unwrap());
     drop(resume(Some(made + 1)).unwrap());
+}
+
+/// `--resume --steps 4000000`, interrupted before it had made an update, removed the final episodes of a
+/// complete run, which could not be set back to its own number of steps: it has made some more.
+#[test]
+fn a_complete_run_is_set_back_until_it_learns_more() {
+    let place = Place::new();
+    let made = place.train("run", &evaluated(), 1).steps;
+    let path = place.path("run");
+    let before = all_files(&path);
+    let resume = |steps| Run::resume(&path, Some(steps), place.lanes(10, 1), 1);
+    for longer in [[made + 1000, made + 1000], [made + 1000, made + 2000]] {
+        longer.iter().for_each(|steps| drop(resume(*steps).unwrap()));
+        let report = Benchmark::read(&[("run".to_owned(), path.clone())]).unwrap_err().to_string();
+        assert!(report.contains("is not complete"), "{report}");
+        drop(resume(930).unwrap());
+        assert!(all_files(&path) == before, "files were changed");
+    }
+    complete(resume(made + 1).unwrap());
+    let error = resume(930).err().unwrap().to_string();
+    assert!(error.contains("--steps must be at least that many, got 930"), "{error}");
 }
 
 /// One that began in a folder with some files of another kept its best weights, and these played.

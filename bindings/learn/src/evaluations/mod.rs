@@ -69,13 +69,11 @@ impl Evaluations {
         let Some(every) = run.config.evaluate_every else { return Ok(None) };
         let evaluator = Evaluator::open(folder, run, threads)?;
         let (files, rows) = EvaluationFiles::open(folder, (run.map_count(), every), trained)?;
-        let total = run.config.steps;
-        let is_due = trained.steps < total || rows.last().is_none_or(|last| last.steps < total);
         let (folder, run) = (folder.to_owned(), run.clone());
         let evaluations = Evaluations { folder, run, every, evaluator, files, rows };
         evaluations.restore_best()?;
-        // The final episodes are those of the best of all evaluations, so none may be due.
-        if is_due {
+        // Those of a killed process can be of an end after the checkpoint.
+        if FinalResult::read(&evaluations.folder)?.is_some_and(|result| result.run_steps != trained.steps) {
             remove(&FinalResult::path(&evaluations.folder))?;
         }
         Ok(Some(evaluations))
@@ -122,6 +120,9 @@ impl Evaluations {
         interrupted: &mut dyn FnMut() -> bool,
     ) -> Result<(), TrainError> {
         let _timer = CpuTimer::start(); // so that other runs of the process do not count this time
+        // The final episodes are those of the best of all evaluations. Not before: until then a complete run
+        // that was resumed with more steps can be set back.
+        remove(&FinalResult::path(&self.folder))?;
         self.files.write_weights(steps, &state.team.actor)?;
         let played = Choice::BOTH.map(|actions| {
             let occasion = Occasion::Training { steps };
