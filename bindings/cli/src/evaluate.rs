@@ -1,6 +1,6 @@
 //! `smaclite-pool evaluate`: play a trained team, count wins and returns, and record battles.
 
-use super::{CommandResult, THREADS, completions, replay, runtime_dir};
+use super::{CommandResult, THREADS, completions, other_rules, replay, runtime_dir};
 use crate::check::warn_of;
 use crate::number::{count, seed};
 use crate::opponent::{OpponentOption, warn_of_other_rules};
@@ -145,8 +145,9 @@ impl Recording {
 
 fn print_text(result: &EvaluationResult) -> CommandResult {
     out!(
-        "{}: {} episodes in {} environments, {} actions, seed {}",
+        "{}{}: {} episodes in {} environments, {} actions, seed {}",
         result.scenario,
+        other_rules(result.rules),
         result.episodes,
         result.num_envs,
         if result.greedy { "greedy" } else { "sampled" },

@@ -59,6 +59,7 @@ mod web;
 mod zoo;
 
 use clap::{Parser, Subcommand};
+use smaclite_engine::Rules;
 use smaclite_ipc::{RuntimeDir, RuntimeDirError};
 use smaclite_units::file::{printable_text, without_os_errors};
 use std::error::Error;
@@ -236,8 +237,23 @@ fn runtime_dir() -> Result<RuntimeDir, RuntimeDirError> {
     RuntimeDir::for_current_user()
 }
 
-/// Refuses an --out for files of results that is the folder of a run, whose files they would hide among.
-fn refuse_run(out: &std::path::Path) -> CommandResult {
+/// What headings say of rules that are not the default.
+fn other_rules(rules: Rules) -> String {
+    if rules == Rules::default() { String::new() } else { format!(", rules {rules}") }
+}
+
+/// Refuses an --out for a folder that is a file.
+fn refuse_file(out: &std::path::Path) -> CommandResult {
+    if out.exists() && !out.is_dir() {
+        return Err(format!("--out must be a folder, but `{}` is a file", out.display()).into());
+    }
+    Ok(())
+}
+
+/// Refuses an --out for files of results that is a file, or the folder of a run, whose files they would hide
+/// among.
+fn check_out(out: &std::path::Path) -> CommandResult {
+    refuse_file(out)?;
     if smaclite_learn::DESCRIPTIONS.iter().any(|name| out.join(name).is_file()) {
         let out = out.display();
         return Err(

@@ -15,7 +15,7 @@ use crate::rollout::Episode;
 use crate::setups::with_an_end;
 use crate::tensors::FileError;
 use serde::Serialize;
-use smaclite_engine::{BattleSetup, Opponents};
+use smaclite_engine::{BattleSetup, Opponents, Rules};
 use smaclite_ipc::{Batch, ClientError, RuntimeDir};
 use std::path::{Path, PathBuf};
 
@@ -104,6 +104,8 @@ pub struct EvaluationResult {
     pub episodes: usize,
     /// Environments that they were played in.
     pub num_envs: usize,
+    /// The rules of the battles.
+    pub rules: Rules,
     /// Who played the enemies.
     pub opponents: Opponents,
     /// The folder of the team that played them, if one did.
@@ -240,6 +242,7 @@ fn result(
         scenario: run.name.clone(),
         episodes,
         num_envs,
+        rules: setup.rules,
         opponents: setup.opponents.clone(),
         opponent_team: evaluation.opponent_team.clone(),
         seed,

@@ -7,7 +7,7 @@ mod figures;
 mod files;
 mod tables;
 
-use super::{CommandResult, THREADS, refuse_run};
+use super::{CommandResult, THREADS, check_out};
 use crate::number::{count, seed};
 use crate::picture::write_file;
 use crate::process::interrupt_flag;
@@ -83,7 +83,7 @@ struct Results {
 
 impl WriteReport {
     pub(super) fn run(self) -> CommandResult {
-        refuse_run(&self.out)?;
+        check_out(&self.out)?;
         let folders: Vec<(String, PathBuf)> = self.runs.iter().map(|text| named(text)).collect();
         let benchmark = Benchmark::read(&folders)?;
         std::fs::create_dir_all(&self.out)

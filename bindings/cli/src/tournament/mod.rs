@@ -4,7 +4,7 @@
 mod chart;
 mod report;
 
-use super::{CommandResult, THREADS, completions, refuse_run};
+use super::{CommandResult, THREADS, check_out, completions};
 use crate::check::warn_of;
 use crate::number::{count, seed};
 use crate::picture::write_file;
@@ -69,7 +69,7 @@ impl PlayTournament {
             return Err("--greedy has no effect on scripts; leave it out, or name a trained team".into());
         }
         if let Some(out) = &self.out {
-            refuse_run(out)?;
+            check_out(out)?;
             std::fs::create_dir_all(out).map_err(|error| format!("--out {}: {error}", out.display()))?;
         }
         let interrupted = interrupt_flag()?;

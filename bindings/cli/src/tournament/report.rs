@@ -1,8 +1,8 @@
 //! The result of a tournament as text: tables for people, and CSV.
 
-use crate::CommandResult;
 use crate::csv::quoted;
 use crate::table::Table;
+use crate::{CommandResult, other_rules};
 use smaclite_lab::{PlayerScore, Score, TournamentResult};
 
 const POINTS: &str = "Wins-draws-losses of the agents (rows) against the enemies (columns)";
@@ -30,11 +30,12 @@ pub(super) fn markdown(result: &TournamentResult) -> String {
 }
 
 fn headline(result: &TournamentResult) -> String {
-    let TournamentResult { scenario, episodes, seed, greedy, players, scores } = result;
+    let TournamentResult { scenario, rules, episodes, seed, greedy, players, scores } = result;
     let actions = if *greedy { ", greedy actions" } else { "" };
     let (n_players, n_pairings) = (players.len(), scores.len());
+    let battles = format!("{scenario}{}", other_rules(*rules));
     format!(
-        "{scenario}: {n_players} players, {n_pairings} pairings of {episodes} episodes, seed {seed}{actions}"
+        "{battles}: {n_players} players, {n_pairings} pairings of {episodes} episodes, seed {seed}{actions}"
     )
 }
 

@@ -5,7 +5,7 @@ mod display;
 mod maps;
 mod progress;
 
-use super::{CommandResult, THREADS, completions, output, runtime_dir};
+use super::{CommandResult, THREADS, completions, output, refuse_file, runtime_dir};
 use crate::check::warn_of;
 use crate::number::{count, seed, whole};
 use crate::opponent::{OpponentOption, SelfPlayOptions, warn_of_other_rules};
@@ -278,9 +278,7 @@ impl Train {
         interrupted: &mut dyn FnMut() -> bool,
     ) -> Result<Opened, Box<dyn Error>> {
         let out = self.out.take().unwrap_or_default();
-        if out.exists() && !out.is_dir() {
-            return Err(format!("--out must be a folder, but `{}` is a file", out.display()).into());
-        }
+        refuse_file(&out)?;
         let enemies = self.self_play.enemies(self.opponent.clone())?;
         let (mut setups, mut config) = match self.maps.take() {
             Some(names) => self.maps_to_train(&names)?,

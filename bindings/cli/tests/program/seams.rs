@@ -137,8 +137,11 @@ fn a_team_of_starcraft_rules_plays_tournaments_and_is_exploited() {
     let folder = folder.path();
     output(folder, &format!("train 3m --rules starcraft --steps 1e2 --out run {SMALL}"));
     let printed = output(folder, "tournament run kite --episodes 4 --threads 1");
-    assert!(printed.starts_with("3m: 2 players, 4 pairings of 4 episodes"), "{printed}");
-    output(folder, "exploit run --steps 1e2 --seeds 1 --episodes 4");
+    assert!(printed.starts_with("3m, rules starcraft-1: 2 players, 4 pairings of 4 episodes"), "{printed}");
+    let exploited = output(folder, "exploit run --steps 1e2 --seeds 1 --episodes 4");
+    assert!(exploited.starts_with("3m, rules starcraft-1: best responses to run"), "{exploited}");
+    let evaluated = output(folder, "evaluate run --episodes 4 --json");
+    assert!(evaluated.contains(r#""rules":"starcraft-1""#), "results of other rules look alike: {evaluated}");
 }
 
 /// The weights of the maps were written to a run of one map, which nothing could read.

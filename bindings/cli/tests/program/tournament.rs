@@ -145,5 +145,8 @@ fn errors_say_what_is_accepted() {
     );
     check_error(folder, "tournament kite hold --scenario 3m --episodes 0", 2, "number between 1 and 1000000");
     fs::write(folder.join("file"), "").expect("a file");
-    check_error(folder, "tournament kite hold --scenario 3m --out file", 1, "--out file: ");
+    for command in ["tournament kite hold --scenario 3m", "report none", "exploit none --steps 9"] {
+        let command = format!("{command} --out file");
+        check_error(folder, &command, 1, "--out must be a folder, but `file` is a file");
+    }
 }

@@ -11,7 +11,7 @@ mod pairing;
 
 use pairing::pairings;
 use serde::Serialize;
-use smaclite_engine::{BattleSetup, Faction, Opponent, Scratch, SidesError};
+use smaclite_engine::{BattleSetup, Faction, Opponent, Rules, Scratch, SidesError};
 use smaclite_learn::battles::{Ended, LOCKSTEP, Pairing, Play, Player};
 use smaclite_learn::{Choice, FileError, NetworkKind, TrainedTeam, names_team, parallel, with_an_end};
 use smaclite_scenarios::Problems;
@@ -57,6 +57,8 @@ pub struct Tournament {
 pub struct TournamentResult {
     /// The scenario's name.
     pub scenario: String,
+    /// The rules of the battles.
+    pub rules: Rules,
     /// Number of episodes of each pairing.
     pub episodes: usize,
     /// The seed.
@@ -218,7 +220,8 @@ impl Tournament {
         let scores: Vec<Score> = ended.collect();
         let players = self.player_scores(&pairings, &scores);
         let scenario = setup.files.scenario()?.name;
-        Ok(TournamentResult { scenario, episodes, seed, greedy, players, scores })
+        let rules = setup.rules;
+        Ok(TournamentResult { scenario, rules, episodes, seed, greedy, players, scores })
     }
 
     fn check_names(&self) -> Result<(), TournamentError> {
