@@ -178,8 +178,13 @@ def test_a_masked_reset_leaves_the_others_alone() -> None:
         assert (after["state"][1] != before["state"][1]).any()
         with pytest.raises(sp.errors.InvalidRequest, match="at least one environment"):
             envs.reset(options={"reset_mask": ~mask & mask})
-        with pytest.raises(sp.errors.InvalidRequest, match="shape"):
-            envs.reset(options={"reset_mask": mask[:2]})
+        for wrong in (mask[:2], mask.astype(int)):
+            with pytest.raises(
+                sp.errors.InvalidRequest, match=r"'reset_mask'\] must be bool of shape \(3,\)"
+            ):
+                envs.reset(options={"reset_mask": wrong})
+        with pytest.raises(sp.errors.InvalidRequest, match="one per environment, 3; got 1"):
+            envs.reset(seed=[5], options={"reset_mask": mask})
 
 
 def test_arrays_are_copies_unless_copy_is_false() -> None:

@@ -184,9 +184,18 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
             present, batch = np.ones(self.num_envs, np.bool_), self._envs.reset(seed)
         else:
             present = np.asarray(mask)
+            if present.dtype != np.bool_ or present.shape != (self.num_envs,):
+                got = f"{present.dtype} of shape {present.shape}"
+                raise InvalidRequest(
+                    f"options['reset_mask'] must be bool of shape ({self.num_envs},), got {got}"
+                )
             if not present.any():
                 raise InvalidRequest("options['reset_mask'] must be True for at least one environment")
-            if seed is not None and not isinstance(seed, int) and len(seed) == len(present):
+            if isinstance(seed, Sequence | np.ndarray):
+                if len(seed) != self.num_envs:
+                    raise InvalidRequest(
+                        f"seed must have one per environment, {self.num_envs}; got {len(seed)}"
+                    )
                 seed = [own for own, is_reset in zip(seed, present, strict=True) if is_reset]
             batch = self._envs.reset(seed, mask=present)
         self._keep(batch)
