@@ -166,8 +166,8 @@ pictures: install
 chaos minutes seed:
     cargo run --release --quiet --bin chaos -- {{ minutes }} {{ seed }}
 
-# Run the chaos test for 15 minutes, long enough to detect slow growth
-soak seed="1": (chaos "15" seed)
+# Run the chaos test for an hour, long enough to detect slow growth
+soak seed="1": (chaos "60" seed)
 
 # Let every system call of commands fail once, and kill them there ([SCENARIO...], --sample N, --help; Debian: strace)
 faults *args: build install

@@ -102,8 +102,9 @@ impl Actions<'_> {
     /// Reads them, in row-major order. A read-only borrow would allocate memory in each step.
     #[allow(unsafe_code)]
     pub fn read<R>(&self, read: impl FnOnce(&[i32]) -> R) -> R {
-        // SAFETY: what is read is copied before anything depends on its values. Whether another thread writes
-        // to the array meanwhile is the responsibility of its Python code, as with any NumPy operation.
+        // SAFETY: a request reads each number once, and what was read is what is checked and played. Whether
+        // another thread writes to the array meanwhile is the responsibility of its Python code, as with any
+        // NumPy operation.
         let actions = unsafe { self.0.as_slice() };
         // Only a finalizer that ran since the check can have changed the array so. No request has so many.
         read(actions.unwrap_or_default())

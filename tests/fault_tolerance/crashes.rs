@@ -28,8 +28,7 @@ fn one_clean_removes_everything_of_a_start_that_was_killed() {
 }
 
 /// What a process leaves that is killed while it makes its node in iceoryx2's folder, or removes it. iceoryx2
-/// never removes any of these: in an hour in which seven learners per second were killed, they became 173
-/// files.
+/// never removes any of these: in an hour of the chaos test they became 173 files.
 const INCOMPLETE: [(&str, &[&str]); 8] = [
     ("a tag that is being written", &["details", "tag", "context", "state", "owner_lock"]),
     ("the same without details", &["folder", "tag", "context", "state", "owner_lock"]),

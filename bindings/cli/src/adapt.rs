@@ -1,6 +1,6 @@
 //! `smaclite-pool adapt`: write a team that plays every map as a team of one map.
 
-use super::{CommandResult, completions};
+use super::{CommandResult, completions, refuse_file};
 use crate::check::warn_of;
 use clap::Args;
 use smaclite_learn::{RunDescription, Weights, adapt_team, resolve_scenario};
@@ -35,7 +35,7 @@ impl Adapt {
         let run = RunDescription::read(&folder)?;
         let setup = resolve_scenario(&map, run.setup.rules)?;
         warn_of(&setup.files);
-        super::refuse_file(&out)?;
+        refuse_file(&out)?;
         adapt_team(&folder, weights, setup, &out)?;
         let out = out.display();
         out!("{out}: the team of {}, which plays {map}; smaclite-pool evaluate {out}", folder.display())?;

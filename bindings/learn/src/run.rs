@@ -200,7 +200,7 @@ impl Run {
     ///
     /// # Errors
     /// If its files are damaged or do not fit the lanes, another process writes to the folder, or the run has
-    /// made more than `steps` steps.
+    /// made more than `steps` steps, unless it was complete with that number and has learnt nothing since.
     pub fn resume(
         folder: &Path,
         steps: Option<u64>,

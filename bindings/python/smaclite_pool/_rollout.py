@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from operator import index
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -68,7 +69,7 @@ class Rollout:
 
     def __setitem__(self, t: int, batch: Batch) -> None:
         """Copies a batch to row t, 0 to `steps`. Raises InvalidRequest if it has other shapes."""
-        t = int(t)  # `True` would be a mask of all rows
+        t = int(index(t))  # `True` would be a mask of all rows
         if not 0 <= t <= self.steps:
             raise IndexError(f"row {t} of a rollout with rows 0 to {self.steps}")
         rows = {name: getattr(batch, name) for name in self.arrays}

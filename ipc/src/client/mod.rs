@@ -198,6 +198,7 @@ impl Client {
         if settings.is_synchronous() || outstanding >= batch_size {
             return Ok(());
         }
+        lane.outstanding.check_was_reset()?; // else the first reset must be of all
         Err(ClientError::TooFewForBatch { outstanding, batch_size })
     }
 

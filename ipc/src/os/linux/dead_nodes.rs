@@ -28,7 +28,8 @@ impl ShmDir {
         let nodes = self.folder().join(NODES);
         let folder_of = |node: u128| nodes.join(node.to_string());
         for (node, monitor) in found_in(&nodes) {
-            let (folder, details) = (folder_of(node), folder_of(node).join(DETAILS));
+            let folder = folder_of(node);
+            let details = folder.join(DETAILS);
             let context = path_of(&nodes, node, MONITOR[0]);
             let is_seen = monitor == MONITOR.len() && mode(&context).is_some_and(|mode| mode != UNFINISHED);
             if is_seen && details.exists() || is_alive(node) {
