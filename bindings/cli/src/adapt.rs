@@ -35,7 +35,7 @@ impl Adapt {
         let run = RunDescription::read(&folder)?;
         let setup = resolve_scenario(&map, run.setup.rules)?;
         warn_of(&setup.files);
-        refuse_file(&out)?;
+        refuse_file("--out", &out)?;
         adapt_team(&folder, weights, setup, &out)?;
         let out = out.display();
         out!("{out}: the team of {}, which plays {map}; smaclite-pool evaluate {out}", folder.display())?;

@@ -242,10 +242,10 @@ fn other_rules(rules: Rules) -> String {
     if rules == Rules::default() { String::new() } else { format!(", rules {rules}") }
 }
 
-/// Refuses an --out for a folder that is a file.
-fn refuse_file(out: &std::path::Path) -> CommandResult {
+/// Refuses a file where an option names a folder.
+fn refuse_file(option: &str, out: &std::path::Path) -> CommandResult {
     if out.exists() && !out.is_dir() {
-        return Err(format!("--out must be a folder, but `{}` is a file", out.display()).into());
+        return Err(format!("{option} must name a folder, but `{}` is a file", out.display()).into());
     }
     Ok(())
 }
@@ -253,7 +253,7 @@ fn refuse_file(out: &std::path::Path) -> CommandResult {
 /// Refuses an --out for files of results that is a file, or the folder of a run, whose files they would hide
 /// among.
 fn check_out(out: &std::path::Path) -> CommandResult {
-    refuse_file(out)?;
+    refuse_file("--out", out)?;
     if smaclite_learn::DESCRIPTIONS.iter().any(|name| out.join(name).is_file()) {
         let out = out.display();
         return Err(

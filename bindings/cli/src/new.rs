@@ -130,7 +130,7 @@ fn stem(file: &Path) -> Result<String, String> {
     let name = file.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     match name.strip_suffix(".json") {
         Some(stem) if !stem.is_empty() => Ok(stem.into()),
-        _ => Err(format!("FILE must end in .json, got `{}`", shown_path(file))),
+        _ => Err(format!("FILE must end in .json, as `mine.json` does, got `{}`", shown_path(file))),
     }
 }
 

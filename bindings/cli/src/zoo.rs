@@ -1,7 +1,7 @@
 //! `smaclite-pool zoo`: the trained teams that are part of the program.
 
-use super::CommandResult;
 use super::table::Table;
+use super::{CommandResult, refuse_file};
 use clap::Args;
 use smaclite_learn::{export_zoo_team, read_team_files, zoo_cards};
 use smaclite_playground::TeamFiles;
@@ -34,6 +34,7 @@ pub(super) struct Zoo {
 impl Zoo {
     pub(super) fn run(self) -> CommandResult {
         if let Some([scenario, folder]) = self.export.as_deref() {
+            refuse_file("--export", Path::new(folder))?;
             export_zoo_team(scenario, Path::new(folder))?;
             out!("{folder}: the team of {scenario}; smaclite-pool evaluate {folder}")?;
             return Ok(());

@@ -152,7 +152,7 @@ pub fn verify(
 /// The first step count without an evaluation, of a run that is evaluated at every multiple of `every` steps
 /// and at its end, and that has evaluations at `steps`. A run that is not complete has them until its last
 /// one. Others, as that at the end before the run was extended, may be there too.
-fn missing(steps: &BTreeSet<u64>, every: u64, end: u64, is_complete: bool) -> Option<u64> {
+pub(crate) fn missing(steps: &BTreeSet<u64>, every: u64, end: u64, is_complete: bool) -> Option<u64> {
     let last = steps.last().copied();
     let known = if is_complete { end } else { last.map_or(0, |last| last.min(end)) };
     let mut multiples = (0..known).step_by(usize::try_from(every).unwrap_or(usize::MAX));

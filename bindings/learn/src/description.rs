@@ -102,7 +102,7 @@ pub struct RunDescription {
     /// What the team was trained on besides.
     pub other_maps: Vec<BattleSetup>,
     /// The numbers of steps by which it was trained before that of `config`.
-    pub(crate) former_steps: Vec<u64>,
+    pub former_steps: Vec<u64>,
 }
 
 impl RunDescription {
@@ -217,7 +217,7 @@ impl RunDescription {
         let one = |setup: &BattleSetup| {
             let run = RunDescription::new(self.config.clone(), setup.clone())?;
             run.inputs.check(&self.config)?;
-            Ok(run)
+            Ok(RunDescription { former_steps: self.former_steps.clone(), ..run })
         };
         self.setups().map(one).collect()
     }

@@ -24,8 +24,9 @@ pub enum FileError {
     #[error("`{}` is not a regular file of at most {MAX_BYTES} bytes", path.display())]
     NotRegular { path: PathBuf },
     #[error(
-        "`{}` is not the folder of a run of `smaclite-pool train`: it has no run.json{}",
+        "`{}` is not the folder of a run of `smaclite-pool train`: it has no run.json{}{}",
         folder.display(),
+        inner_hint(folder),
         zoo_hint(folder)
     )]
     NoRun { folder: PathBuf },
@@ -52,6 +53,14 @@ pub enum FileError {
     Damaged { path: PathBuf, why: String },
     #[error("`{}` does not fit the run: {}", path.display(), shown_reason(why))]
     OtherRun { path: PathBuf, why: String },
+}
+
+/// Names a run in the folder, as `train --seeds` makes some, as part of an error.
+fn inner_hint(folder: &Path) -> String {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten();
+    let runs = entries.map(|entry| entry.path()).filter(|path| path.join("run.json").is_file());
+    runs.min()
+        .map_or_else(String::new, |run| format!(", but runs in it; name one, such as `{}`", run.display()))
 }
 
 /// A named array.

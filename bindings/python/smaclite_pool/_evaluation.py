@@ -103,7 +103,7 @@ def evaluate(
         AttributeError: the lane omits a field.
         IllegalAction: the policy chose an action that is not available.
     """
-    _check(envs, policy, episodes)
+    _check(envs, policy, episodes, seed)
     spec = envs.spec
     player = _player(envs, policy, against, seed)
     quota = np.full(spec.num_envs, episodes // spec.num_envs)
@@ -135,11 +135,13 @@ def evaluate(
     )
 
 
-def _check(envs: Any, policy: Any, episodes: int) -> None:
+def _check(envs: Any, policy: Any, episodes: int, seed: int | None) -> None:
     if isinstance(policy, (Envs, Wrapper)):
         raise TypeError(f"the environments come first: evaluate(envs, policy, episodes), got {envs!r}")
     require_environments(envs)
     require_integer("episodes", episodes, 1)
+    if seed is not None:
+        require_integer("seed", seed, 0)
     if envs.spec.autoreset_mode == "Disabled":
         raise InvalidRequest('evaluate needs autoreset_mode="NextStep" or "SameStep", got "Disabled"')
     if envs.spec.episode_limit is None:
@@ -194,8 +196,9 @@ def _script_seed(seed: int | None, side: Literal["allies", "enemies"]) -> int:
     """Another one for each side: with equal ones, two `random` scripts would draw the same actions."""
     if seed is None:
         return secrets.randbits(64)
-    own = require_integer("seed", seed, 0)
-    return own if side == "allies" else int(np.random.SeedSequence([own, 1]).generate_state(1, np.uint64)[0])
+    if side == "allies":
+        return seed
+    return int(np.random.SeedSequence([seed, 1]).generate_state(1, np.uint64)[0])
 
 
 def _for_both_sides(envs: Envs | Wrapper, policy: Policy) -> Policy:

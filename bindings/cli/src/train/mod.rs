@@ -278,7 +278,7 @@ impl Train {
         interrupted: &mut dyn FnMut() -> bool,
     ) -> Result<Opened, Box<dyn Error>> {
         let out = self.out.take().unwrap_or_default();
-        refuse_file(&out)?;
+        refuse_file("--out", &out)?;
         let enemies = self.self_play.enemies(self.opponent.clone())?;
         let (mut setups, mut config) = match self.maps.take() {
             Some(names) => self.maps_to_train(&names)?,

@@ -209,7 +209,7 @@ fn what_cannot_be_written_is_an_error() {
     };
     for kind in ["scenario", "unit"] {
         check(&format!("new {kind} mine.json"), 1, "mine.json: exists; FILE must be a new file");
-        check(&format!("new {kind} mine"), 1, "FILE must end in .json, got `mine`");
+        check(&format!("new {kind} mine"), 1, "FILE must end in .json, as `mine.json` does, got `mine`");
         check(&format!("new {kind} absent/a.json"), 1, "absent/a.json: No such file or directory");
     }
     assert_eq!(fs::read_to_string(folder.path().join("mine.json")).expect("a file"), "my work");

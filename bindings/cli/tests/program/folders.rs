@@ -22,6 +22,9 @@ fn a_run_and_seeds_are_not_begun_in_one_folder() {
     let one = "`one` already holds a run; resume it with --resume, or choose another folder";
     check_error(folder, &format!("train 3m --seeds 2 --out one {SMALL}"), 1, one);
     check_error(folder, "zoo --export 3m seeds", 1, "`seeds/seed-0` already holds a run");
+    check_error(folder, "zoo --export 3m one/run.json", 1, "--export must name a folder, but `one/run.json`");
+    let evaluate = "it has no run.json, but runs in it; name one, such as `seeds/seed-0`";
+    check_error(folder, "evaluate seeds", 1, evaluate);
     check_error(folder, "adapt zoo:all-maps 3m --out seeds", 1, "`seeds/seed-0` already holds a run");
     let exploit = |out: &str| format!("exploit one --steps 100 --seeds 1 --seed 5 --episodes 2 --out {out}");
     check_error(folder, &exploit("seeds"), 1, "`seeds/seed-0` already holds a run, and `exploit` continues");

@@ -60,6 +60,46 @@ fn two_algorithms_are_reported() {
     assert_eq!(files(&folder.join("one")), files(&folder.join("quick")));
 }
 
+/// The end of the shorter run is no multiple of the interval between evaluations: `report` refused the seeds
+/// because they "were evaluated at other steps".
+#[test]
+fn seeds_that_were_added_to_a_longer_run_are_reported_with_it() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let small = SMALL.replace("--steps 600", "--steps 500");
+    output(folder, &format!("train 3m --seeds 1 --out runs {small}"));
+    output(folder, "train --resume runs --seeds 2 --steps 800");
+    let evaluated = |seed: u64| {
+        let text = fs::read_to_string(folder.join(format!("runs/seed-{seed}/evaluations.csv")));
+        let steps = text.expect("evaluations");
+        steps
+            .lines()
+            .skip(1)
+            .map(|line| line.split(',').next().expect("steps").to_owned())
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(
+        (evaluated(0).join(" "), evaluated(1).join(" ")),
+        ("0 300 500 600 800".into(), "0 300 600 800".into())
+    );
+    output(folder, "report runs --out report --skip-times");
+    let curves = &files(&folder.join("report"))["curves.csv"];
+    assert!(curves.contains(",600,") && !curves.contains(",500,"), "{curves}");
+}
+
+/// A bad evaluation could be left out, and the report said nothing.
+#[test]
+fn an_evaluation_that_was_left_out_is_missed() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    output(folder, &format!("train 3m --out run {SMALL}"));
+    let path = folder.join("run/evaluations.csv");
+    let rows = fs::read_to_string(&path).expect("evaluations");
+    let kept: Vec<&str> = rows.lines().filter(|row| !row.starts_with("300,")).collect();
+    fs::write(&path, kept.join("\n") + "\n").expect("a file");
+    check_error(folder, "report run --out report", 1, "it has no evaluation at 300 steps, but run.json says");
+}
+
 /// A learner of one's own may leave no `time_to_win.json`: its teams were reported as ones that never won.
 #[test]
 fn who_was_not_measured_is_not_who_never_won() {

@@ -119,6 +119,9 @@ fn a_team_is_exploited() {
     assert_eq!(table(&by_name), table(&printed));
     output(folder, "train 5m_vs_6m --steps 256 --num-envs 8 --horizon 16 --hidden 16,16 --out runs/5m");
     check_error(folder, "exploit runs/5m", 1, "5m");
+    // It named a lane of its own.
+    output(folder, "train zerg_5_vs_5 --steps 256 --num-envs 8 --horizon 16 --hidden 16,16 --out runs/zerg");
+    check_error(folder, "exploit runs/zerg", 1, "a trained team plays the enemies, too: ");
 }
 
 #[test]
@@ -147,6 +150,6 @@ fn errors_say_what_is_accepted() {
     fs::write(folder.join("file"), "").expect("a file");
     for command in ["tournament kite hold --scenario 3m", "report none", "exploit none --steps 9"] {
         let command = format!("{command} --out file");
-        check_error(folder, &command, 1, "--out must be a folder, but `file` is a file");
+        check_error(folder, &command, 1, "--out must name a folder, but `file` is a file");
     }
 }

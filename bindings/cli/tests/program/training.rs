@@ -384,7 +384,7 @@ fn errors_say_what_is_accepted() {
         "`.` is not the folder of a run of `smaclite-pool train`: it has no",
     );
     fs::write(folder.join("moat.json"), "{}").expect("a file");
-    check_error(folder, "train 3m --out moat.json", 1, "--out must be a folder, but `moat.json` is a file");
+    check_error(folder, "train 3m --out moat.json", 1, "--out must name a folder, but `moat.json` is a file");
     assert!(!folder.join("run").exists(), "a command that fails leaves no folder");
     output(folder, &format!("train 3m --steps 1e2 --out run {SMALL}"));
     check_error(folder, "train 3m --steps 100 --out run", 1, "`run` already holds a run");

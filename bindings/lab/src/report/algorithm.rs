@@ -36,6 +36,7 @@ impl AlgorithmRuns {
         }
         for runs in tasks.values_mut() {
             runs.sort_by(|a, b| (a.seed, &a.folder).cmp(&(b.seed, &b.folder)));
+            leave_out_former_ends(runs);
             runs.windows(2).try_for_each(|pair| check_comparable(name, &pair[0], &pair[1]))?;
         }
         Ok(AlgorithmRuns { name: name.to_owned(), tasks })
@@ -70,6 +71,17 @@ fn find(folder: &Path, depth: usize, found: &mut Vec<PathBuf>) -> Result<(), Fil
     match depth.checked_sub(1) {
         Some(depth) => inner.iter().try_for_each(|path| find(path, depth, found)),
         None => Ok(()),
+    }
+}
+
+/// Leaves out evaluations at a former end of a run that some run does not have: seeds that were added when it
+/// was resumed with more steps were not evaluated there.
+fn leave_out_former_ends(runs: &mut [EvaluatedRun]) {
+    let steps: Vec<Vec<u64>> = runs.iter().map(|run| run.steps().collect()).collect();
+    for run in runs {
+        let shared = |at: u64| steps.iter().all(|steps| steps.contains(&at));
+        let left_out: Vec<u64> = run.steps().filter(|at| run.ended_at(*at) && !shared(*at)).collect();
+        run.evaluations.retain(|evaluation| !left_out.contains(&evaluation.row.steps));
     }
 }
 

@@ -9,11 +9,12 @@
 //! those of the whole run, and the best weights those that are best on all maps together.
 
 use super::ReportError;
+use crate::verify::missing;
 use serde_json::Value;
 use smaclite_engine::fnv::Fnv1a;
 use smaclite_engine::{Rules, UnknownRules};
 use smaclite_learn::{
-    BothEpisodes, Choice, DESCRIPTIONS, Enemies, Episode, EvaluationFiles, EvaluationRow, FileError,
+    BothEpisodes, Choice, Config, DESCRIPTIONS, Enemies, Episode, EvaluationFiles, EvaluationRow, FileError,
     FinalResult, OPPONENT, RunDescription, Summary, Weights, on_map, read_file,
 };
 use std::path::{Path, PathBuf};
@@ -93,10 +94,12 @@ impl EvaluatedRun {
         } else {
             vec![Described::by_other(&folder.join(DESCRIPTIONS[1]))?]
         };
-        // A complete run that was resumed with more steps keeps its final episodes until it evaluates again.
-        let steps = described.iter().find_map(|described| Some(described.description.as_ref()?.config.steps));
-        if steps.is_some_and(|steps| result.run_steps < steps) {
-            return Err(incomplete());
+        if let Some(run) = described.iter().find_map(|described| described.description.as_ref()) {
+            // A complete run that was resumed with more steps keeps its final episodes until it evaluates again.
+            if result.run_steps < run.config.steps {
+                return Err(incomplete());
+            }
+            check_none_is_missing(folder, &run.config, &evaluations)?;
         }
         let maps = described.len();
         check_equally_many(folder, &evaluations, &result, maps)?;
@@ -119,6 +122,11 @@ impl EvaluatedRun {
     /// The step counts of its evaluations.
     pub fn steps(&self) -> impl Iterator<Item = u64> {
         self.evaluations.iter().map(|evaluation| evaluation.row.steps)
+    }
+
+    /// Whether it ended at so many steps before it was resumed with more.
+    pub(super) fn ended_at(&self, steps: u64) -> bool {
+        self.description.as_ref().is_some_and(|run| run.former_steps.contains(&steps))
     }
 
     /// The final episodes.
@@ -155,6 +163,22 @@ fn read_evaluations(folder: &Path) -> Result<Vec<PlayedEvaluation>, ReportError>
         evaluations.push(PlayedEvaluation { row, episodes });
     }
     Ok(evaluations)
+}
+
+/// No evaluation was left out.
+fn check_none_is_missing(
+    folder: &Path,
+    config: &Config,
+    evaluations: &[PlayedEvaluation],
+) -> Result<(), FileError> {
+    let (Some(every), end) = (config.evaluate_every, config.steps) else { return Ok(()) };
+    let steps = evaluations.iter().map(|evaluation| evaluation.row.steps).collect();
+    let Some(steps) = missing(&steps, every, end, true) else { return Ok(()) };
+    let why = format!(
+        "it has no evaluation at {steps} steps, but run.json says that there is one at every multiple of \
+         {every} steps and at the end, {end}"
+    );
+    Err(FileError::Damaged { path: folder.join("evaluations.csv"), why })
 }
 
 /// Each map of a run has as many episodes.

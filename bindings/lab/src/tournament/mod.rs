@@ -9,6 +9,7 @@
 mod elo;
 mod pairing;
 
+pub(crate) use pairing::check_team;
 use pairing::pairings;
 use serde::Serialize;
 use smaclite_engine::{BattleSetup, Faction, Opponent, Rules, Scratch, SidesError};

@@ -10,8 +10,7 @@ use std::sync::Arc;
 pub(super) fn pairings(setup: &BattleSetup, players: &[Player]) -> Result<Vec<Pairing>, TournamentError> {
     let (scenario, arena) = setup.arena()?;
     if players.iter().any(|player| player.team().is_some()) {
-        Sides::Both(EnemySide::default()).check(&scenario)?;
-        check_symmetry(&scenario, &arena)?;
+        check_team(&scenario, &arena)?;
     }
     let arenas = Arenas { scenario, limit: arena.episode_limit(), setup };
     let pairs = (0..players.len()).flat_map(|a| (0..players.len()).map(move |b| (a, b)));
@@ -23,7 +22,8 @@ pub(super) fn pairings(setup: &BattleSetup, players: &[Player]) -> Result<Vec<Pa
 }
 
 /// A team has the sizes of the agents, so it can play the enemies only if theirs are the same.
-fn check_symmetry(scenario: &Scenario, arena: &Arena) -> Result<(), TournamentError> {
+pub(crate) fn check_team(scenario: &Scenario, arena: &Arena) -> Result<(), TournamentError> {
+    Sides::Both(EnemySide::default()).check(scenario)?;
     let [agents, enemies] = [Faction::Ally, Faction::Enemy].map(|faction| arena.sizes_of(faction));
     if agents == enemies {
         return Ok(());

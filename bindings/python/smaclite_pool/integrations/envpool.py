@@ -32,6 +32,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import _native
 from .._native import Batch, Envs, scenarios
+from .._requirements import require_integer
 from ..errors import InvalidRequest
 from ._common import ENEMY_OBSERVATION_KEYS, INFO_FIELDS, OBSERVATION_KEYS, check_keywords
 
@@ -282,6 +283,9 @@ def make(
         raise InvalidRequest(f'env_type must be "gymnasium" or "gym", got {env_type!r}')
     if thread_affinity_offset != -1:
         raise InvalidRequest(f"thread_affinity_offset must be -1 (no pinning), got {thread_affinity_offset}")
+    require_integer("num_threads", num_threads, 0)
+    if max_episode_steps is not None:
+        require_integer("max_episode_steps", max_episode_steps, 1)
     envs = _native.make(
         task_id,
         num_envs,
