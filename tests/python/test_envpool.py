@@ -135,6 +135,8 @@ def test_invalid_arguments_are_refused() -> None:
         ({"env_type": "dm"}, "dm"),
         ({"thread_affinity_offset": 0}, "pinning"),
         ({"num_envs": 2, "batch_size": 3}, "batch size .* got 3"),
+        ({"num_threads": -1}, "num_threads must not be negative, got -1"),
+        ({"max_episode_steps": 0}, "max_episode_steps must be at least 1, got 0"),
     ]
     for wrong, words in mistakes:
         with pytest.raises(sp.errors.PoolError, match=words):

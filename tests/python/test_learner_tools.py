@@ -119,6 +119,10 @@ def test_errors_of_an_evaluation() -> None:
             sp.evaluate(envs, policy, 0)
         with pytest.raises(sp.errors.InvalidRequest, match='needs autoreset_mode="NextStep" or "SameStep"'):
             sp.evaluate(envs, policy, 1)
+    # A list was taken with a function, and refused with the name of a script.
+    wrong: Any = [1, 2]
+    with sp.make("3m", 2) as envs, pytest.raises(TypeError, match="seed must be an integer, got list"):
+        sp.evaluate(envs, lambda batch: batch.avail_actions.argmax(-1), 1, seed=wrong)
     with sp.make("3m", 2) as envs, pytest.raises(sp.errors.IllegalAction, match="agent 0: action 0"):
         sp.evaluate(envs, lambda batch: np.full((len(batch), 3), NO_OP), 1)
 
