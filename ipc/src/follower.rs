@@ -3,13 +3,17 @@
 
 use crate::client::{ClientError, ConnectError};
 use crate::control::client::ControlClient;
-use crate::control::protocol::{ControlError, ControlRequest, ControlResponse, LaneDescription};
+use crate::control::protocol::{
+    ControlError, ControlRequest, ControlResponse, EpisodeMessage, LaneDescription,
+};
 use crate::lane_scenario::setup_in;
 use crate::process_owned::ProcessOwned;
 use crate::runtime_dir::RuntimeDir;
 use crate::wait_options::WaitOptions;
-use smaclite_engine::BattleSetup;
-use smaclite_pool::EpisodePart;
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use smaclite_engine::{Arena, BattleSetup, Snapshot};
+use std::sync::Arc;
 
 /// Follows environments: receives the states in which their episodes begin and their joint actions. The
 /// supervisor keeps what was not read, as much as fits its limit; then the oldest episodes are missing.
@@ -57,6 +61,7 @@ pub struct Follower {
     connection: ProcessOwned<ControlClient>,
     description: LaneDescription,
     setup: BattleSetup,
+    arena: Arc<Arena>,
 }
 
 /// A piece of what followed environments did.
@@ -73,8 +78,37 @@ pub struct Piece {
 pub struct FollowedPart {
     /// The environment.
     pub env_id: usize,
-    /// What it did.
-    pub part: EpisodePart,
+    /// Counts the episodes of the environment since it has followers, from 0.
+    pub number: u64,
+    /// The state in which the episode began, or in which the log of it begins; in its first part only.
+    pub start: Option<Snapshot>,
+    /// The joint actions since the last part, `[steps, n_actors]`.
+    pub actions: Vec<u16>,
+    /// The episode ended with the last of these steps. An episode that is reset before its end has no such
+    /// part.
+    pub is_over: bool,
+    /// Episodes between the last part and this one that the log dropped, because the follower had not read
+    /// them in time; all of them or their ends.
+    pub lost: u64,
+}
+
+impl FollowedPart {
+    fn new(message: EpisodeMessage, arena: &Arena) -> Result<FollowedPart, ControlError> {
+        let EpisodeMessage { env_id, number, start, actions, is_over, lost } = message;
+        let start = start.map(|text| snapshot(&text, arena)).transpose()?;
+        Ok(FollowedPart { env_id, number, start, actions, is_over, lost })
+    }
+}
+
+/// The state of a record as base64.
+fn snapshot(text: &str, arena: &Arena) -> Result<Snapshot, ControlError> {
+    let malformed =
+        |error: String| ControlError::Malformed { what: format!("the start of an episode: {error}") };
+    let record = STANDARD.decode(text).map_err(|error| malformed(error.to_string()))?;
+    let mut snapshot = Snapshot::default();
+    let read = snapshot.read_record(arena, 0, &record, &mut Vec::new());
+    read.map_err(|error| malformed(error.to_string()))?;
+    Ok(snapshot)
 }
 
 impl Follower {
@@ -82,7 +116,8 @@ impl Follower {
     /// with the present state. Waits for the pool's answer.
     ///
     /// # Errors
-    /// If the pool cannot be reached, the lane has no such environment, or too many followers.
+    /// If the pool cannot be reached, its battles are not those of this release, the lane has no such
+    /// environment, or too many followers.
     pub fn connect(
         runtime_dir: &RuntimeDir,
         pool: &str,
@@ -93,7 +128,11 @@ impl Follower {
         let request = ControlRequest::Follow { lane: lane.map(str::to_owned), env_ids: env_ids.to_vec() };
         let (connection, response) = ControlClient::request(runtime_dir, pool, &request, wait)?;
         let (description, setup) = setup_in(response)?;
-        Ok(Follower { connection: ProcessOwned::new(connection), description, setup })
+        let arena = setup.arena().map_err(|problems| ControlError::Malformed {
+            what: format!("scenario of lane `{}`: {problems}", description.lane),
+        })?;
+        let arena = Arc::new(arena.1);
+        Ok(Follower { connection: ProcessOwned::new(connection), description, setup, arena })
     }
 
     /// The lane.
@@ -104,6 +143,11 @@ impl Follower {
     /// What its battles are played with.
     pub fn setup(&self) -> &BattleSetup {
         &self.setup
+    }
+
+    /// The same, for battles.
+    pub fn arena(&self) -> &Arc<Arena> {
+        &self.arena
     }
 
     /// The next piece of what the environments did since the last call: some 100 kB, or less if that is all.
@@ -118,7 +162,8 @@ impl Follower {
         let (response, is_late) = response.map_err(ClientError::of_socket)?;
         match response {
             ControlResponse::Episodes { parts, more } => {
-                let parts = parts.into_iter().map(FollowedPart::try_from).collect::<Result<_, _>>()?;
+                let parts = parts.into_iter().map(|part| FollowedPart::new(part, &self.arena));
+                let parts = parts.collect::<Result<_, _>>()?;
                 Ok(Piece { parts, more: more || is_late })
             }
             ControlResponse::Refused(refusal) => Err(refusal.into()),

@@ -75,7 +75,7 @@ pub use process_owned::{NotOwner, ProcessOwned};
 pub use runtime_dir::{ROOT_VARIABLE, RuntimeDir, RuntimeDirError};
 pub use services::IpcError;
 pub use smaclite_pool::transport::Seeds;
-pub use smaclite_pool::{EpisodePart, MAX_LOG_BYTES, WaitStrategy};
+pub use smaclite_pool::{MAX_LOG_BYTES, WaitStrategy};
 pub use spectator::Spectator;
 pub use supervisor::{LaneConfig, LaneConfigError, PreparedPool, StartError, Supervisor, SupervisorConfig};
 pub use wait_options::WaitOptions;

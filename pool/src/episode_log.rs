@@ -6,7 +6,6 @@
 //! had not read them how many they lost.
 
 use crate::sync::{AtomicUsize, Ordering};
-use smaclite_engine::Snapshot;
 use std::collections::VecDeque;
 use std::sync::Arc;
 
@@ -40,9 +39,9 @@ impl LogMemory {
         LogMemory { logs: Arc::new(AtomicUsize::new(0)) }
     }
 
-    /// Is there room for the logs of more environments, which begin in such a state?
-    pub(crate) fn check(&self, more: usize, state: &Snapshot) -> Result<(), TooManyFollowed> {
-        let limit = MAX_LOG_BYTES / (MIN_SNAPSHOTS * state.memory());
+    /// Is there room for the logs of more environments, which begin in a state of so many bytes?
+    pub(crate) fn check(&self, more: usize, state: usize) -> Result<(), TooManyFollowed> {
+        let limit = MAX_LOG_BYTES / (MIN_SNAPSHOTS * state);
         let logs = self.logs.load(Ordering::Relaxed);
         if logs + more > limit { Err(TooManyFollowed { limit }) } else { Ok(()) }
     }
@@ -79,7 +78,8 @@ struct Reader {
 
 struct LoggedEpisode {
     number: u64,
-    start: Snapshot,
+    /// The record of the state in which it begins.
+    start: Vec<u8>,
     actions: Vec<u16>,
     is_over: bool,
     /// The log began again in the middle of it, which all followers know.
@@ -91,8 +91,9 @@ struct LoggedEpisode {
 pub struct EpisodePart {
     /// Counts the episodes of the environment since it has followers, from 0.
     pub number: u64,
-    /// The state in which the episode began, or in which the log of it begins; in its first part only.
-    pub start: Option<Snapshot>,
+    /// The record of the state in which the episode began, or in which the log of it begins, without past
+    /// actions; in its first part only.
+    pub start: Option<Vec<u8>>,
     /// The joint actions since the last part, `[steps, n_actors]`.
     pub actions: Vec<u16>,
     /// The episode ended with the last of these steps. An episode that is reset before its end has no such
@@ -105,7 +106,7 @@ pub struct EpisodePart {
 
 impl LoggedEpisode {
     fn bytes(&self) -> usize {
-        size_of::<LoggedEpisode>() + self.start.memory() + self.actions.capacity() * size_of::<u16>()
+        size_of::<LoggedEpisode>() + self.start.capacity() + self.actions.capacity() * size_of::<u16>()
     }
 
     /// Adds a joint action. The memory grows by a quarter, because what it has room for counts too.
@@ -126,7 +127,7 @@ impl Reader {
 }
 
 impl EpisodeLog {
-    pub(crate) fn new(n_actors: usize, now: Snapshot, memory: LogMemory) -> EpisodeLog {
+    pub(crate) fn new(n_actors: usize, now: Vec<u8>, memory: LogMemory) -> EpisodeLog {
         memory.logs.fetch_add(1, Ordering::Relaxed);
         let (readers, episodes) = (Vec::new(), VecDeque::new());
         let mut log = EpisodeLog { readers, episodes, n_actors, bytes: 0, next_number: 0, memory };
@@ -154,7 +155,7 @@ impl EpisodeLog {
 
     /// Begins the log of the present episode again, which has filled it. No follower can have the whole
     /// episode.
-    pub(crate) fn begin_again(&mut self, now: Snapshot) {
+    pub(crate) fn begin_again(&mut self, now: Vec<u8>) {
         if let Some(last) = self.episodes.back_mut() {
             last.is_cut = true;
         }
@@ -163,7 +164,7 @@ impl EpisodeLog {
     }
 
     /// Notes the beginning of an episode.
-    pub(crate) fn begin(&mut self, start: Snapshot) {
+    pub(crate) fn begin(&mut self, start: Vec<u8>) {
         if let Some(last) = self.episodes.back_mut() {
             self.bytes -= last.bytes();
             last.actions.shrink_to_fit();
@@ -252,7 +253,7 @@ impl Reader {
     fn read(&mut self, episode: &LoggedEpisode, n_actors: usize, budget: &mut usize) -> EpisodePart {
         let read = self.steps.filter(|_| self.episode == episode.number);
         let start = read.is_none().then(|| episode.start.clone());
-        let used = size_of::<EpisodePart>() + start.as_ref().map_or(0, Snapshot::memory);
+        let used = size_of::<EpisodePart>() + start.as_ref().map_or(0, Vec::len);
         *budget = budget.saturating_sub(used);
         let (read, step_bytes) = (read.unwrap_or(0), n_actors * size_of::<u16>());
         let steps = episode.actions.len() / n_actors;

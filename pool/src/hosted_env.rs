@@ -155,7 +155,7 @@ impl HostedEnv {
                 if let Some(log) = &mut self.log {
                     log.step(actions.iter(), self.is_over);
                     if log.is_full() {
-                        log.begin_again(self.battle.save());
+                        log.begin_again(self.battle.record());
                     }
                 }
                 Some(step)
@@ -299,7 +299,7 @@ impl HostedEnv {
     /// Begins a new episode of the log with the present state.
     fn begin_log(&mut self) {
         if let Some(log) = &mut self.log {
-            log.begin(self.battle.save());
+            log.begin(self.battle.record());
         }
     }
 

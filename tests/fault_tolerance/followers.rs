@@ -42,21 +42,20 @@ struct Mirror {
 impl Mirror {
     fn follow(dir: &TestDir, env_ids: &[usize]) -> Mirror {
         let follower = follow(dir, None, env_ids).expect("a follower");
-        let arena = Arc::new(follower.setup().arena().expect("the lane's scenario").1);
-        let battle = |env_id: &usize| (*env_id, (Battle::new(Arc::clone(&arena), 0), 0, false));
+        let battle = |env_id: &usize| (*env_id, (Battle::new(Arc::clone(follower.arena()), 0), 0, false));
         Mirror { scratch: Scratch::new(), battles: env_ids.iter().map(battle).collect(), follower }
     }
 
     fn catch_up(&mut self) {
         for followed in read_all(&mut self.follower).expect("the pool lives") {
             let (battle, number, is_over) = self.battles.get_mut(&followed.env_id).expect("it is followed");
-            if let Some(start) = &followed.part.start {
+            if let Some(start) = &followed.start {
                 battle.restore(start).expect("a snapshot of the same scenario");
             } else {
-                assert_eq!(*number, followed.part.number, "another episode has a start");
+                assert_eq!(*number, followed.number, "another episode has a start");
             }
-            (*number, *is_over) = (followed.part.number, followed.part.is_over);
-            for actions in followed.part.actions.chunks(battle.arena().sizes().n_agents) {
+            (*number, *is_over) = (followed.number, followed.is_over);
+            for actions in followed.actions.chunks(battle.arena().sizes().n_agents) {
                 let actions: Vec<i32> = actions.iter().map(|action| i32::from(*action)).collect();
                 let step = battle.step(&actions, &mut self.scratch).expect("legal actions");
                 assert!(
@@ -187,23 +186,23 @@ fn what_is_read_late_is_limited_and_what_was_lost_is_counted() {
     (0..500).for_each(|_| drop(step(&mut client)));
 
     let parts = read_all(&mut late).expect("the pool lives");
-    let bytes = |part: &FollowedPart| {
-        part.part.start.as_ref().map_or(0, |start| start.memory()) + 2 * part.part.actions.len()
-    };
+    let start_bytes = Battle::new(Arc::clone(late.arena()), 0).record().len();
+    let bytes =
+        |part: &FollowedPart| usize::from(part.start.is_some()) * start_bytes + 2 * part.actions.len();
     let read: usize = parts.iter().map(bytes).sum();
     assert!(read <= MAX_LOG_BYTES && read > MAX_LOG_BYTES / 2, "{read} bytes");
     for env_id in env_ids {
         let of_env: Vec<_> = parts.iter().filter(|part| part.env_id == env_id).collect();
         let first = of_env.first().expect("a part of every environment");
-        assert!(first.part.lost > 50 && first.part.start.is_some(), "lost {}", first.part.lost);
-        let numbers = of_env.iter().map(|part| part.part.number);
+        assert!(first.lost > 50 && first.start.is_some(), "lost {}", first.lost);
+        let numbers = of_env.iter().map(|part| part.number);
         // Episode 0 was reset before its first step.
-        assert!(numbers.eq(first.part.lost + 1..=first.part.lost + of_env.len() as u64));
-        assert!(of_env[1..].iter().all(|part| part.part.lost == 0));
+        assert!(numbers.eq(first.lost + 1..=first.lost + of_env.len() as u64));
+        assert!(of_env[1..].iter().all(|part| part.lost == 0));
     }
     drop(step(&mut client));
     let next = read_all(&mut late).expect("the pool lives");
-    assert!(next.len() <= 2 * 64 && next.iter().all(|part| part.part.lost == 0));
+    assert!(next.len() <= 2 * 64 && next.iter().all(|part| part.lost == 0));
 }
 
 /// While followers read, the supervisor encoded everything that was unread for one after the other: 16 s, in
@@ -250,7 +249,7 @@ fn a_late_answer_is_not_taken_for_the_next_one() {
     let mut follower = follow(&dir, None, &[0]).expect("a follower");
     let mut steps = 0;
     let mut count = |parts: Vec<FollowedPart>| {
-        steps += parts.iter().map(|part| part.part.actions.len() / 5).sum::<usize>();
+        steps += parts.iter().map(|part| part.actions.len() / 5).sum::<usize>();
         steps
     };
     learner.must("step 10");

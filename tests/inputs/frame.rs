@@ -6,7 +6,6 @@
 //! byte is 255, a response of the control socket as JSON.
 
 use smaclite_engine::Sizes;
-use smaclite_ipc::FollowedPart;
 use smaclite_ipc::control::protocol::{ControlRequest, ControlResponse};
 use smaclite_ipc::wire::{FrameHeader, MAGIC, ReceivedFrame, frames_lost, read_frame};
 use smaclite_pool::fields::{Dtype, FieldSet};
@@ -70,10 +69,9 @@ fn read_response(line: &[u8]) {
         Ok(ControlResponse::Scenario { lane, files }) => {
             drop((lane.layout().map_err(|e| e.to_string()), files.scenario().map_err(|e| e.to_string())))
         }
-        Ok(ControlResponse::Episodes { parts, .. }) => {
-            parts.into_iter().for_each(|part| drop(FollowedPart::try_from(part).map_err(|e| e.to_string())))
-        }
         Ok(ControlResponse::Refused(refusal)) => drop(refusal.to_string()),
-        Ok(ControlResponse::Connected | ControlResponse::Status(_)) | Err(_) => {}
+        // The states in `Episodes` are records, which `snapshot` reads.
+        Ok(ControlResponse::Connected | ControlResponse::Status(_) | ControlResponse::Episodes { .. })
+        | Err(_) => {}
     }
 }

@@ -2,7 +2,7 @@
 //! as much as a replay has room for.
 
 use smaclite_engine::{BattleSetup, Opponent, RecordLayout, RecordSizes, Sizes, Snapshot, StreamPosition};
-use smaclite_ipc::EpisodePart;
+use smaclite_ipc::FollowedPart;
 use smaclite_view::{Recorder, Replay};
 use std::collections::{BTreeMap, VecDeque};
 
@@ -70,13 +70,8 @@ impl Kept {
 
     /// Adds what an environment did. `start_of` says how an episode begins, and is told whether it is the
     /// first one that is seen of its environment.
-    pub(crate) fn add(
-        &mut self,
-        env_id: usize,
-        part: EpisodePart,
-        start_of: impl Fn(&Snapshot, bool) -> Option<Start>,
-    ) {
-        let env = self.envs.entry(env_id).or_default();
+    pub(crate) fn add(&mut self, part: FollowedPart, start_of: impl Fn(&Snapshot, bool) -> Option<Start>) {
+        let env = self.envs.entry(part.env_id).or_default();
         env.n_lost += part.lost;
         if let Some(start) = &part.start {
             let is_first = env.episodes.is_empty() && env.n_lost == 0;
@@ -195,8 +190,8 @@ mod tests {
             let start = Some(battle.save());
             battle.step(&actions, &mut Scratch::new()).expect("all may stop");
             let actions = actions.iter().map(|action| *action as u16).collect();
-            let part = EpisodePart { number, start, actions, is_over: true, lost: 0 };
-            kept.add(0, part, |start, _| match scenario {
+            let part = FollowedPart { env_id: 0, number, start, actions, is_over: true, lost: 0 };
+            kept.add(part, |start, _| match scenario {
                 "3m" => Some(Start::Reset(start.generator.position(), start.opponent)),
                 _ => Some(Start::Restored(Box::new(start.clone()))),
             });

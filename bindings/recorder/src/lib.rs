@@ -7,7 +7,7 @@ mod kept;
 
 use kept::{Kept, MAX_TEXT, Start};
 use smaclite_engine::{Battle, Snapshot, SnapshotError, Units};
-use smaclite_ipc::{ClientError, ConnectError, FollowedPart, Follower, RuntimeDir, WaitOptions};
+use smaclite_ipc::{ClientError, ConnectError, Follower, RuntimeDir, WaitOptions};
 use smaclite_view::{Replay, ReplayError};
 use std::sync::Arc;
 
@@ -16,7 +16,9 @@ use std::sync::Arc;
 pub struct PoolRecorder {
     follower: Follower,
     kept: Kept,
-    fresh: Fresh,
+    /// The units after a reset; `None` if they are drawn anew, so that an episode begins with a snapshot,
+    /// which has them.
+    fresh: Option<Units>,
 }
 
 /// Why a pool could not be recorded.
@@ -47,16 +49,11 @@ impl PoolRecorder {
         wait: WaitOptions<'_>,
     ) -> Result<PoolRecorder, ConnectError> {
         let follower = Follower::connect(runtime_dir, pool, lane, env_ids, wait)?;
-        // Files that are no scenario are an error of `replay`.
-        let arena = follower.setup().arena().ok();
-        // The learner of the lane sees one side where a team plays the other.
-        let sizes = arena.as_ref().map_or(follower.description().sizes, |(_, arena)| arena.sizes());
-        let fresh = match arena {
-            None => Fresh::Any,
-            Some((scenario, _)) if scenario.generation.is_some() || scenario.smacv2.is_some() => Fresh::None,
-            Some((_, arena)) => Fresh::Units(Box::new(Battle::new(Arc::new(arena), 0).units().clone())),
-        };
-        let kept = Kept::new(max_episodes, &sizes, MAX_TEXT);
+        let arena = follower.arena();
+        let scenario = follower.setup().files.scenario();
+        let is_drawn = scenario.is_ok_and(|read| read.generation.is_some() || read.smacv2.is_some());
+        let fresh = (!is_drawn).then(|| Battle::new(Arc::clone(arena), 0).units().clone());
+        let kept = Kept::new(max_episodes, &arena.sizes(), MAX_TEXT);
         Ok(PoolRecorder { follower, kept, fresh })
     }
 
@@ -68,8 +65,9 @@ impl PoolRecorder {
     pub fn read(&mut self, mut wait: WaitOptions<'_>) -> Result<(), ClientError> {
         loop {
             let piece = self.follower.read(wait.reborrow())?;
-            for FollowedPart { env_id, part } in piece.parts {
-                self.kept.add(env_id, part, |start, is_first| self.fresh.start_of(start, is_first));
+            for part in piece.parts {
+                let fresh = self.fresh.as_ref();
+                self.kept.add(part, |start, is_first| start_of(start, is_first, fresh));
             }
             if !piece.more {
                 return Ok(());
@@ -104,29 +102,13 @@ impl PoolRecorder {
     }
 }
 
-/// The units after a reset.
-enum Fresh {
-    /// The scenario is not known.
-    Any,
-    /// They are drawn anew, so an episode begins with a snapshot, which has them.
-    None,
-    Units(Box<Units>),
-}
-
-impl Fresh {
-    /// How an episode begins. The first one that is seen of an environment may have begun before.
-    fn start_of(&self, start: &Snapshot, is_first: bool) -> Option<Start> {
-        let is_fresh = match self {
-            Fresh::Any => true,
-            Fresh::None => false,
-            Fresh::Units(fresh) => **fresh == start.units,
-        };
-        if start.episode_length == 0 && is_fresh {
-            Some(Start::Reset(start.generator.position(), start.opponent))
-        } else if is_first && start.episode_length > 0 {
-            None
-        } else {
-            Some(Start::Restored(Box::new(start.clone())))
-        }
+/// How an episode begins. The first one that is seen of an environment may have begun before.
+fn start_of(start: &Snapshot, is_first: bool, fresh: Option<&Units>) -> Option<Start> {
+    if start.episode_length == 0 && fresh == Some(&start.units) {
+        Some(Start::Reset(start.generator.position(), start.opponent))
+    } else if is_first && start.episode_length > 0 {
+        None
+    } else {
+        Some(Start::Restored(Box::new(start.clone())))
     }
 }

@@ -12,7 +12,7 @@ use smaclite_scenarios::ScenarioFiles;
 
 /// Increased whenever a request or response changes, what is played again from it, or how services are
 /// opened.
-pub const PROTOCOL_VERSION: u32 = 9;
+pub const PROTOCOL_VERSION: u32 = 10;
 
 /// The release of this program.
 pub const RELEASE: &str = env!("CARGO_PKG_VERSION");
@@ -103,7 +103,7 @@ pub struct EpisodeMessage {
     pub env_id: usize,
     /// The number of the episode.
     pub number: u64,
-    /// The snapshot in the format of `postcard`, which keeps the bits of numbers, as base64.
+    /// The record of the state in which it began, as base64.
     pub start: Option<String>,
     /// The joint actions, `[steps, n_actors]`.
     pub actions: Vec<u16>,

@@ -10,7 +10,6 @@
 //! are removed by descending number. A plane's units begin an episode with the numbers 0, 1, ... by ascending
 //! id, and when a unit dies the unit with the last number gets its number.
 
-use serde::{Deserialize, Serialize};
 use smaclite_units::Plane;
 
 use crate::arena::Arena;
@@ -21,14 +20,14 @@ use crate::units::Units;
 const PLANES: [Plane; 3] = [Plane::Ground, Plane::Air, Plane::Colossus];
 
 /// The living units of each plane, in the orders of collision avoidance.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct NeighbourOrder {
     /// By plane: `GROUND`, `AIR`, `COLOSSUS`.
     pub planes: [PlaneOrder; PLANES.len()],
 }
 
 /// The living units of one plane by battle-wide id, in two orders.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct PlaneOrder {
     /// The list that the tree partitions.
     pub list: Vec<u32>,

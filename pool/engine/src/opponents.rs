@@ -16,7 +16,7 @@ use smaclite_units::file::or_did_you_mean;
 const MAX_WEIGHT: f64 = 1e6;
 
 /// What plays the enemies in one episode.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Opponent {
     /// SMAClite's: all enemies march to the scenario's attack point, and attack agents in scan range.
     #[default]

@@ -8,13 +8,11 @@ use std::hint::select_unpredictable;
 
 use rand::Rng;
 use rand_pcg::Pcg64;
-use serde::{Deserialize, Serialize};
 
 /// A random generator with the output of `numpy.random.Generator(PCG64(seed))`.
 ///
 /// Equal generators have equal further outputs. It is serialised as its [`StreamPosition`].
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(from = "StreamPosition", into = "StreamPosition")]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Generator {
     pcg: Pcg64,
     /// The high half of the last 64-bit output, not yet used.
@@ -23,7 +21,7 @@ pub struct Generator {
 }
 
 /// How far a generator has come: its seed, and how much it has drawn since.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct StreamPosition {
     /// The seed.
     pub seed: u64,

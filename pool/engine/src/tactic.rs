@@ -1,10 +1,8 @@
 //! The names of the scripted policies; `policy` says what they do.
 
-use serde::{Deserialize, Serialize};
-
 /// The rule of a scripted policy. All of them let healers heal the available ally with the smallest share of
 /// its health, but for random.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tactic {
     /// Uniformly random available actions.
     Random,

@@ -3,7 +3,7 @@
 //! What never changes about a unit (its type, its faction) is in the arena.
 
 use glam::Vec2;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use crate::arena::Arena;
 use crate::buffers::refill;
@@ -12,7 +12,7 @@ use crate::rules::Rules;
 /// The changing part of every unit of a battle, indexed by battle-wide id; all columns have equal lengths.
 ///
 /// A dead unit keeps its last values.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Units {
     /// Position in terrain squares; x grows east, y north.
     pub pos: Vec<Vec2>,
@@ -46,7 +46,7 @@ pub struct Units {
 }
 
 /// What a unit is about under rules `starcraft`. Times are in seconds, and count down to 0.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct AttackPhase {
     /// Until the damage point of the attack that has begun; 0 if none has.
     pub windup: f64,

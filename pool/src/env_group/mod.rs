@@ -140,12 +140,12 @@ impl EnvGroup {
     /// See [`Lane::follow`](crate::Lane::follow).
     pub(crate) fn follow(&self, envs: &[usize], follower: FollowerId) -> Result<(), TooManyFollowed> {
         if let Some(&env) = envs.first() {
-            self.logs.check(envs.len(), &self.lock(env).battle.save())?;
+            self.logs.check(envs.len(), self.lock(env).battle.record().len())?;
         }
         for &env in envs {
             let HostedEnv { battle, log, .. } = &mut *self.lock(env);
             let n_actors = battle.arena().sizes().n_actors(); // of both sides, if a team plays one
-            let begin = || Box::new(EpisodeLog::new(n_actors, battle.save(), self.logs.clone()));
+            let begin = || Box::new(EpisodeLog::new(n_actors, battle.record(), self.logs.clone()));
             log.get_or_insert_with(begin).add_reader(follower);
         }
         // More logs share the same memory.

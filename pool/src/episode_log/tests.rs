@@ -7,9 +7,9 @@ use smaclite_scenarios::Scenario;
 const FIRST: FollowerId = FollowerId(1);
 const SECOND: FollowerId = FollowerId(2);
 
-fn start() -> Snapshot {
+fn start() -> Vec<u8> {
     let arena = Arena::new(&Scenario::resolve("3m").unwrap(), Rules::Smaclite);
-    Battle::new(Arc::new(arena), 0).save()
+    Battle::new(Arc::new(arena), 0).record()
 }
 
 fn log(followers: &[FollowerId], memory: &LogMemory) -> EpisodeLog {
@@ -72,7 +72,7 @@ fn logs_of_a_lane_use_no_more_than_its_limit_and_say_what_was_lost() {
     let mut logs: Vec<EpisodeLog> = (0..256).map(|_| log(&[FIRST, SECOND], &memory)).collect();
     let next = start();
     let share = MAX_LOG_BYTES / logs.len();
-    let episodes = 2 * share / next.memory();
+    let episodes = 2 * share / next.len();
     for log in &mut logs {
         read(log, SECOND);
         (0..episodes).for_each(|_| {
@@ -103,9 +103,9 @@ fn more_followed_environments_have_smaller_logs() {
     assert!(first.bytes <= MAX_LOG_BYTES / 1024);
     drop(others);
     assert_eq!(memory.share(), MAX_LOG_BYTES);
-    let limit = MAX_LOG_BYTES / (MIN_SNAPSHOTS * next.memory());
-    assert_eq!(memory.check(limit, &next), Err(TooManyFollowed { limit }));
-    assert_eq!(memory.check(limit - 1, &next), Ok(()));
+    let limit = MAX_LOG_BYTES / (MIN_SNAPSHOTS * next.len());
+    assert_eq!(memory.check(limit, next.len()), Err(TooManyFollowed { limit }));
+    assert_eq!(memory.check(limit - 1, next.len()), Ok(()));
 }
 
 #[test]

@@ -3,10 +3,8 @@
 
 use super::{Connection, ControlServer, Role};
 use crate::control::protocol::{ControlError, ControlResponse, EpisodeMessage};
-use crate::follower::FollowedPart;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use smaclite_engine::Snapshot;
 use smaclite_pool::{EpisodePart, FollowerId, TooManyFollowed};
 use std::collections::BTreeSet;
 
@@ -99,27 +97,6 @@ impl ControlServer {
 
 fn message(env_id: usize, part: EpisodePart) -> EpisodeMessage {
     let EpisodePart { number, start, actions, is_over, lost } = part;
-    let start = start.map(|start| encoded(&start));
+    let start = start.map(|record| STANDARD.encode(record));
     EpisodeMessage { env_id, number, start, actions, is_over, lost }
-}
-
-fn encoded(snapshot: &Snapshot) -> String {
-    STANDARD.encode(postcard::to_stdvec(snapshot).expect("snapshots are plain data"))
-}
-
-impl TryFrom<EpisodeMessage> for FollowedPart {
-    type Error = ControlError;
-
-    fn try_from(message: EpisodeMessage) -> Result<FollowedPart, ControlError> {
-        let EpisodeMessage { env_id, number, start, actions, is_over, lost } = message;
-        let start = start.map(|text| decoded(&text)).transpose()?;
-        Ok(FollowedPart { env_id, part: EpisodePart { number, start, actions, is_over, lost } })
-    }
-}
-
-fn decoded(text: &str) -> Result<Snapshot, ControlError> {
-    let malformed =
-        |error: String| ControlError::Malformed { what: format!("the start of an episode: {error}") };
-    let bytes = STANDARD.decode(text).map_err(|error| malformed(error.to_string()))?;
-    postcard::from_bytes(&bytes).map_err(|error| malformed(error.to_string()))
 }

@@ -1,7 +1,5 @@
 //! What the interface knows: the units at one time, and what a battle has seen so far.
 
-use serde::{Deserialize, Serialize};
-
 use super::{Interface, ratio};
 use crate::buffers::refill;
 
@@ -58,7 +56,7 @@ impl Frame {
 }
 
 /// What a battle has seen so far in its episode. A clone is independent.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Perception {
     /// By enemy: the agent that saw it first.
     pub first_seer: Vec<Option<u16>>,

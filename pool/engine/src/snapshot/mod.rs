@@ -1,6 +1,5 @@
 //! The state of a battle between two steps, as plain data. `ranges` checks that it fits an arena.
 
-use serde::{Deserialize, Serialize};
 use smaclite_units::Plane;
 use thiserror::Error;
 
@@ -22,13 +21,10 @@ use crate::rules::Rules;
 use crate::sides::Actor;
 use crate::smacv2::WrongWord;
 use crate::units::Units;
-use glam::Vec2;
 
 /// All of a battle that changes. It can be edited, or created from a recording;
 /// [`Battle::restore`](crate::Battle::restore) checks it.
-///
-/// Serialised in a binary format that keeps the bits of numbers, it is the same after deserialisation.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Snapshot {
     /// The type of each unit, as an index into the types of the scenario, by battle-wide id.
     pub types: Vec<u32>,
@@ -244,22 +240,6 @@ pub enum SnapshotError {
 }
 
 impl Snapshot {
-    /// Bytes of memory that it uses, about.
-    pub fn memory(&self) -> usize {
-        let Snapshot { types, units, neighbour_order, last_actions, .. } = self;
-        let vectors = 3 * size_of::<Vec2>();
-        let numbers = 6 * size_of::<f64>();
-        let others = 2 * size_of::<bool>() + size_of::<Option<u32>>();
-        let of_order = |order: &PlaneOrder| (order.list.len() + order.by_number.len()) * size_of::<u32>();
-        size_of::<Snapshot>()
-            + size_of_val(&types[..])
-            + units.pos.len() * (vectors + numbers + others)
-            + size_of_val(&units.phases[..])
-            + neighbour_order.planes.iter().map(of_order).sum::<usize>()
-            + last_actions.len() * size_of::<Option<u32>>()
-            + size_of_val(&self.perception[..])
-    }
-
     /// Whether the episode is over, in a battle of this arena.
     pub fn is_over(&self, arena: &Arena) -> bool {
         let is_at_limit = arena.episode_limit().is_some_and(|limit| self.episode_length >= limit);

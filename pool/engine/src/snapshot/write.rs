@@ -138,6 +138,14 @@ fn put_units<T: Pod>(layout: &RecordLayout, arena: &Arena, record: &mut [u8], co
 }
 
 impl Battle {
+    /// The state of the battle as a record without past actions.
+    pub fn record(&self) -> Vec<u8> {
+        let layout = RecordLayout::new(RecordSizes::new(&self.arena().sizes(), 0));
+        let mut record = vec![0; layout.size()];
+        self.write_record(&layout, &[], &mut record);
+        record
+    }
+
     /// Writes the state of the battle, and the last joint actions of the episode, `[n_known, n_actors]` with
     /// the numbers that the arena's joint actions have, the newest first, as a record of this layout.
     ///

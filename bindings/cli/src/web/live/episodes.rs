@@ -1,7 +1,7 @@
 //! The log of a followed environment: its last episodes, within a bound on memory.
 
 use smaclite_engine::Snapshot;
-use smaclite_ipc::EpisodePart;
+use smaclite_ipc::FollowedPart;
 use smaclite_view::EpisodeResult;
 use std::collections::VecDeque;
 use std::time::{Duration, Instant};
@@ -64,10 +64,10 @@ impl Episodes {
     }
 
     /// Adds a part. One that continues an episode whose start is unknown is dropped.
-    pub(super) fn add(&mut self, part: EpisodePart) {
+    pub(super) fn add(&mut self, part: FollowedPart) {
         let now = Instant::now();
         if let Some(start) = part.start {
-            let EpisodePart { number, actions, is_over, .. } = part;
+            let FollowedPart { number, actions, is_over, .. } = part;
             // A number that is not new is a mistake of the pool; the order of numbers must hold.
             if self.newest().is_none_or(|newest| newest.number < number) {
                 let (began, newest, result) = (now, now, None);

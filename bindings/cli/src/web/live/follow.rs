@@ -61,7 +61,7 @@ impl Follow {
             let piece = self.follower.read(WaitOptions::for_response());
             let Piece { parts, more } = piece.map_err(|error| error.to_string())?;
             is_new |= !parts.is_empty();
-            parts.into_iter().for_each(|followed| self.episodes.add(followed.part));
+            parts.into_iter().for_each(|followed| self.episodes.add(followed));
             if !more {
                 break;
             }
