@@ -154,15 +154,22 @@ pub fn snapshot_rows(arg: &Bound<'_, PyAny>, num_envs: usize, size: usize) -> Py
     Ok(snapshots(name, &array)?.as_slice()?.to_vec())
 }
 
-/// Environment ids: an integer array-like with one axis.
-pub fn env_ids<'py>(arg: Option<&Bound<'py, PyAny>>) -> PyResult<Option<Int32Array<'py>>> {
-    arg.map(|arg| int32_array("env_id", arg, &[None])).transpose()
+/// Ids of environments of a lane: an integer array-like with one axis, or a mask of all of them.
+pub fn env_ids<'py>(name: &str, arg: &Bound<'py, PyAny>, num_envs: usize) -> PyResult<Int32Array<'py>> {
+    let array = to_array(name, arg)?;
+    if array.dtype().kind() != b'b' {
+        return int32_array(name, arg, &[None]);
+    }
+    let mask = bool_array(name, &array, &[Some(num_envs)])?;
+    let ids = mask.as_slice()?.iter().zip(0..).filter(|(selected, _)| **selected != 0);
+    let ids = PyArray1::from_iter(arg.py(), ids.map(|(_, env)| env));
+    Ok(Int32Array(ids.to_dyn().try_readonly()?))
 }
 
 /// Refuses an empty selection of environments.
-pub fn require_envs<C: AsRef<[i32]>>(name: &str, env_ids: C) -> PyResult<C> {
+pub fn require_envs<C: AsRef<[i32]>>(env_ids: C) -> PyResult<C> {
     if env_ids.as_ref().is_empty() {
-        return Err(invalid_request(format!("{name} must select at least one environment, got none")));
+        return Err(invalid_request("env_id must select at least one environment, got none"));
     }
     Ok(env_ids)
 }
@@ -226,13 +233,9 @@ fn contiguous_int32<'py>(
         b'i' => narrow::<i64>(name, &array.call_method1("astype", ("int64",))?),
         b'u' => narrow::<u64>(name, &array.call_method1("astype", ("uint64",))?),
         _ if empty => Ok(numpy::PyArray::zeros(array.py(), array.shape(), false)),
-        kind => {
-            let hint = match kind {
-                b'b' if name.starts_with("env_id") => "numpy.flatnonzero gives the ids of a selection",
-                _ => "int32 avoids a copy",
-            };
+        _ => {
             let dtype = array.dtype();
-            let text = format!("{name} must be an integer array, got {dtype} ({hint})");
+            let text = format!("{name} must be an integer array, got {dtype} (int32 avoids a copy)");
             Err(PyTypeError::new_err(text))
         }
     }
@@ -296,14 +299,6 @@ fn narrow<'py, T: Element + Copy + Display + TryInto<i32>>(
         narrowed.push(value);
     }
     PyArray1::from_vec(wide.py(), narrowed).reshape(wide.shape())
-}
-
-/// The ids of the environments that a mask, `bool[num_envs]`, selects.
-pub fn selected_envs(mask: &Bound<'_, PyAny>, num_envs: usize) -> PyResult<Vec<i32>> {
-    let mask = bool_array("mask", mask, &[Some(num_envs)])?;
-    let ids = mask.as_slice()?.iter().zip(0..).filter(|(selected, _)| **selected != 0);
-    let ids = ids.map(|(_, env)| env).collect();
-    require_envs("mask", ids)
 }
 
 /// A shape in Python's notation.

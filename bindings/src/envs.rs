@@ -11,7 +11,7 @@ mod shared;
 use self::render::{Renderer, SheetStyle, render_batch};
 use self::requests::begin_step;
 use self::shared::{ClientGuard, SharedClient};
-use crate::arrays::{self, Int32Array, env_ids};
+use crate::arrays::{self, Int32Array};
 use crate::batch::Batch;
 use crate::convert::{IntArg, timeout_seconds, to_duration, to_unsigned};
 use crate::errors::{class, client_error, connect_error, invalid_request};
@@ -132,8 +132,9 @@ impl Envs {
         seed: Option<&Bound<'_, PyAny>>,
         receives: bool,
     ) -> PyResult<ClientGuard<'_>> {
-        let from = arrays::int32_array("env_id_from", env_id_from, &[None])?;
-        let to = arrays::int32_array("env_id_to", env_id_to, &[None])?;
+        let num_envs = self.description.settings.num_envs;
+        let from = arrays::env_ids("env_id_from", env_id_from, num_envs)?;
+        let to = arrays::env_ids("env_id_to", env_id_to, num_envs)?;
         let (from, to) = (from.as_slice()?.to_vec(), to.as_slice()?.to_vec());
         let seeds = self.seeds(seed, Some(&to))?;
         let mut guard = self.shared.try_lock()?;
@@ -171,8 +172,8 @@ impl Envs {
     ///         environment that is reset, as Gymnasium's vector environments take it. None, also in the list,
     ///         continues an environment's random generator; the first reset after `make` or `connect` then
     ///         uses the seed of `make` or `smaclite-pool serve`.
-    ///     mask: bool [N], the environments to reset. Cannot be combined with `env_id`.
-    ///     env_id: integers [K], the ids of the environments to reset. None, the default, resets all.
+    ///     env_id: the environments to reset: their ids, integers [K], or a mask, bool [N], which selects K
+    ///         of them. None, the default, resets all.
     ///     levels: float32 [K, n_units, 5], how the episodes of these environments begin: for each agent and
     ///         then for each enemy its type (an index into `scenario()["unit_types"]`), x and y in squares,
     ///         health as a share of the full health, and 1 if it is in the battle, else 0. None: the
@@ -190,33 +191,31 @@ impl Envs {
     ///     InvalidRequest: an argument is invalid, a selected environment is still working on an earlier
     ///         request, or a snapshot is damaged, of another scenario, rule set or version, or has an
     ///         impossible value; the text names environment, column and unit.
-    ///     TypeError: the seed or an environment id is not an integer, the mask is not bool, or the snapshots
-    ///         are not uint8.
+    ///     TypeError: a seed is not an integer, `env_id` neither integers nor bool, or the snapshots are not
+    ///         uint8.
     ///     Timeout: the batch did not arrive in time.
     ///     TooManyBatchesHeld: `max_held_batches` batches are in use.
     ///     PoolDied: the pool has ended.
     ///     LaneFailed: the lane failed.
     #[pyo3(signature = (
-        seed=None, mask=None, env_id=None, timeout=None, *, levels=None, snapshots=None, **unknown
+        seed=None, env_id=None, timeout=None, *, levels=None, snapshots=None, **unknown
     ))]
-    #[pyo3(text_signature = "($self, seed=None, mask=None, env_id=None, timeout=None, *, levels=None, \
-                          snapshots=None)")]
+    #[pyo3(text_signature = "($self, seed=None, env_id=None, timeout=None, *, levels=None, snapshots=None)")]
     #[allow(clippy::too_many_arguments)] // keyword arguments in Python
     fn reset(
         &self,
         py: Python<'_>,
         seed: Option<&Bound<'_, PyAny>>,
-        mask: Option<&Bound<'_, PyAny>>,
         env_id: Option<&Bound<'_, PyAny>>,
         #[pyo3(from_py_with = timeout_seconds)] timeout: Option<f64>,
         levels: Option<&Bound<'_, PyAny>>,
         snapshots: Option<&Bound<'_, PyAny>>,
         unknown: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Batch> {
-        let known = ["seed", "mask", "env_id", "timeout", "levels", "snapshots"];
+        let known = ["seed", "env_id", "timeout", "levels", "snapshots"];
         refuse_keywords(Place::Reset, "reset", unknown, &known)?;
         let timeout = to_duration(timeout)?;
-        let arguments = self.reset_arguments(seed, mask, env_id, levels, snapshots)?;
+        let arguments = self.reset_arguments(seed, env_id, levels, snapshots)?;
         let (order, ids) = (arguments.order(), arguments.ids());
         let mut guard = self.shared.try_lock()?;
         let client = guard.for_reset(ids.is_none());
@@ -228,7 +227,7 @@ impl Envs {
     ///
     /// Args:
     ///     actions: integers [K, n_actors], as for `send`.
-    ///     env_id: integers [K], as for `send`.
+    ///     env_id: integers [K] or bool [N], as for `send`.
     ///     timeout: seconds to wait for the batch; None for no limit.
     ///
     /// Ctrl-C: the step is made nevertheless, and `recv` returns its batch.
@@ -271,8 +270,9 @@ impl Envs {
     ///         according to `avail_actions`; if actions play both sides, then one per enemy, available
     ///         according to `enemy_avail_actions`. A C-contiguous int32 array is copied straight to
     ///         where the pool reads it; other integer arrays and nested lists are converted first.
-    ///     env_id: integers [K], the ids of the environments, each at most once. None, the default, means all
-    ///         in order. In synchronous mode every request must include all environments.
+    ///     env_id: the ids of the environments, integers [K], each at most once, or a mask of them, bool
+    ///         [N]. None, the default, means all in order. In synchronous mode every request must include all
+    ///         environments.
     ///
     /// If an action is not available, no environment is stepped, and the next `recv` raises IllegalAction.
     ///
@@ -330,29 +330,28 @@ impl Envs {
     /// Request new episodes without waiting; `recv` returns the first observations.
     ///
     /// Args:
-    ///     seed, mask, env_id, levels, snapshots: as for `reset`.
+    ///     seed, env_id, levels, snapshots: as for `reset`.
     ///
     /// If a snapshot is refused, no environment changes, and the next `recv` raises InvalidRequest.
     ///
     /// Raises:
     ///     InvalidRequest: an argument is invalid, or a selected environment is still working on an earlier
     ///         request.
-    ///     TypeError: the seed or an environment id is not an integer, the mask is not bool, or the snapshots
-    ///         are not uint8.
+    ///     TypeError: a seed is not an integer, `env_id` neither integers nor bool, or the snapshots are not
+    ///         uint8.
     ///     PoolError: the pool did not read the request within 5 seconds; nothing was sent.
     ///     PoolDied: the pool has ended.
     ///     LaneFailed: the lane failed.
-    #[pyo3(signature = (seed=None, mask=None, env_id=None, *, levels=None, snapshots=None))]
+    #[pyo3(signature = (seed=None, env_id=None, *, levels=None, snapshots=None))]
     fn async_reset(
         &self,
         py: Python<'_>,
         seed: Option<&Bound<'_, PyAny>>,
-        mask: Option<&Bound<'_, PyAny>>,
         env_id: Option<&Bound<'_, PyAny>>,
         levels: Option<&Bound<'_, PyAny>>,
         snapshots: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<()> {
-        let arguments = self.reset_arguments(seed, mask, env_id, levels, snapshots)?;
+        let arguments = self.reset_arguments(seed, env_id, levels, snapshots)?;
         let (order, ids) = (arguments.order(), arguments.ids());
         let mut guard = self.shared.try_lock()?;
         let client = guard.client();
@@ -369,8 +368,8 @@ impl Envs {
     /// `snapshot`.
     ///
     /// Args:
-    ///     env_id_from: integers [K], the environments to copy.
-    ///     env_id_to: integers [K], the environments that change, each once.
+    ///     env_id_from: integers [K], or bool [N], the environments to copy.
+    ///     env_id_to: integers [K], or bool [N], the environments that change, each once.
     ///     seed: as for `reset` with snapshots. None: copies have the same future as what they are copies of,
     ///         if they get the same actions.
     ///     timeout: seconds to wait for the batch; None for no limit.
@@ -423,8 +422,8 @@ impl Envs {
     /// Draw uniformly random available actions, according to `avail_actions` of the newest batch.
     ///
     /// Args:
-    ///     env_id: integers [K], the ids of environments in the newest batch; None, the default, means all
-    ///         environments of the lane.
+    ///     env_id: integers [K], the ids of environments in the newest batch, or bool [N]; None, the default,
+    ///         means all environments of the lane.
     ///     out: a writeable C-contiguous int32 array [K, n_actors] to write to; None allocates one.
     ///
     /// Returns:
@@ -441,7 +440,7 @@ impl Envs {
         env_id: Option<&Bound<'py, PyAny>>,
         out: Option<Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray2<i32>>> {
-        let ids = env_ids(env_id)?;
+        let ids = self.env_ids(env_id)?;
         let shape = [self.request_size(ids.as_ref()), self.description.sizes.n_actors()];
         let out = match out {
             Some(out) => arrays::output_array(out, shape)?,
@@ -475,8 +474,8 @@ impl Envs {
     ///
     /// Args:
     ///     batch: a batch of this lane, with the field `state`. None: the newest batch.
-    ///     env_id: the id of one environment; or integers [K], whose pictures are put into one sheet, each
-    ///         with its caption above it. None: a sheet of all environments of the batch.
+    ///     env_id: the id of one environment; or integers [K] or bool [N], whose pictures are put into one
+    ///         sheet, each with its caption above it. None: a sheet of all environments of the batch.
     ///     renderer: how to draw. None: 512 x 512 pixels, or 256 x 256 per environment in a sheet.
     ///     columns: pictures per row of a sheet; None for about as many as there are rows.
     ///     captions: a string per picture of a sheet; None for the ids of the environments.

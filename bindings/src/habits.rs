@@ -65,8 +65,8 @@ const TABLE: &[Row] = &[
         "autoreset_mode", "fields", "rules", "opponent", "episode_limit"],
         "`smaclite-pool serve` sets it; `envs.spec` tells its value"),
 
-    (Place::Reset, &["options", "reset_mask"],
-        "use `mask`, bool [N], or `env_id`, integers [K], to reset some environments"),
+    (Place::Reset, &["options", "reset_mask", "mask"],
+        "use `env_id`, integers [K] or bool [N], to reset some environments"),
     (Place::Reset, &["env_ids", "ids", "indices", "env_idx"], "use `env_id`"),
     (Place::Reset, &["seeds"], "use `seed`, an integer or a list of one per environment"),
     (Place::Reset, &["return_info"], "leave it out; the batch has everything"),

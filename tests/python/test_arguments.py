@@ -101,7 +101,8 @@ def calls(envs: sp.Envs) -> Iterator[Call]:
 
     yield "step", "actions", from_start(envs.step), stop
     yield "step", "env_id", from_start(lambda v: envs.step(stop, v)), ids
-    yield "reset", "mask", lambda v: envs.reset(mask=v), np.ones(N, bool)
+    yield "reset", "env_id", lambda v: envs.reset(env_id=v), np.ones(N, bool)
+    yield "step", "env_id", from_start(lambda v: envs.step(stop, v)), np.ones(N, bool)
     yield "reset", "env_id", lambda v: envs.reset(env_id=v), ids
     yield "reset", "levels", lambda v: envs.reset(levels=v), kept["level"]
     yield "reset", "snapshots", lambda v: envs.reset(snapshots=v), snapshots
@@ -135,7 +136,7 @@ def test_arrays_of_any_layout_are_read_or_refused_by_name(envs: sp.Envs) -> None
         for layout, array in [*same_values(value), *other_values(value)]:
             error = refusal(use, array)
             # Some name a value in the array: "environment 7", "action 5", "these bytes".
-            parts = (argument, "environment", "level", "bytes", "snapshot")
+            parts = (argument, "actions", "environment", "level", "bytes", "snapshot")
             named = isinstance(error, sp.errors.IllegalAction) or any(part in str(error) for part in parts)
             assert error is None or named, (call, argument, layout, error)
             is_valid = layout in dict(same_values(value)) and argument != "out"
@@ -168,7 +169,7 @@ def test_other_bytes_than_0_and_1_of_a_mask_are_true() -> None:
     with sp.make("3m", 2, threads=1) as envs:
         envs.reset(seed=1)
         envs.step(np.ones((2, 3), np.int32))
-        assert envs.reset(mask=np.frombuffer(b"\x02\x00", np.bool_)).episode_length.tolist() == [0, 1]
+        assert envs.reset(env_id=np.frombuffer(b"\x02\x00", np.bool_)).episode_length.tolist() == [0, 1]
 
 
 class Raises(Sequence[Any]):
@@ -190,7 +191,6 @@ def converted(envs: sp.Envs, snapshots: NDArray[np.uint8]) -> dict[str, Callable
         "actions": envs.step,
         "timeout": lambda v: envs.step(stop, timeout=v),
         "seed": lambda v: envs.reset(seed=v),
-        "mask": lambda v: envs.reset(mask=v),
         "levels": lambda v: envs.reset(levels=v),
         "snapshots": lambda v: envs.reset(snapshots=v),
         "env_id": lambda v: envs.reset(env_id=v, snapshots=snapshots),
@@ -231,7 +231,7 @@ def test_exceptions_of_the_callers_own_code_pass_unchanged(envs: sp.Envs, error:
 
 def test_errors_about_the_value_name_the_argument_and_keep_their_cause(envs: sp.Envs) -> None:
     snapshots, cause = envs.reset(seed=1).snapshot.copy(), ValueError("the tensor is on another device")
-    for argument in ("actions", "seed", "mask", "levels", "snapshots", "env_id", "timeout"):
+    for argument in ("actions", "seed", "levels", "snapshots", "env_id", "timeout"):
         with pytest.raises((sp.errors.InvalidRequest, TypeError), match=argument) as raised:
             converted(envs, snapshots)[argument](Raises(cause))
         assert raised.value.__cause__ is cause, argument
@@ -359,9 +359,27 @@ def test_keys_given_to_make_are_those_of_a_file(battle: dict[str, Any], tmp_path
         assert not same_as_plain
 
 
-def test_a_boolean_env_id_says_how_to_get_ids(envs: sp.Envs) -> None:
-    with pytest.raises(TypeError, match=r"env_id must be an integer array, got bool \(numpy.flatnonzero"):
-        envs.reset(env_id=np.ones(N, bool))
+def test_a_mask_selects_environments_wherever_ids_do(envs: sp.Envs) -> None:
+    mask = np.arange(N) % 2 == 1
+    ids = np.flatnonzero(mask)
+    batch = envs.reset(seed=1)
+    assert np.array_equal(envs.render(batch, mask), envs.render(batch, ids))
+    assert envs.sample_actions(mask).shape == (len(ids), 5)
+    stop = np.ones((N, 5), np.int32)
+    envs.step(stop)
+    state = envs.fork(~mask, mask).state
+    assert np.array_equal(state[mask], state[~mask])
+    before = envs.step(stop).state.copy()
+    assert np.array_equal((envs.reset(env_id=mask).state == before).all(axis=1), ~mask)
+    with pytest.raises(
+        sp.errors.InvalidRequest, match=r"env_id_to must be a bool array of shape \(4,\), got \(1,"
+    ):
+        envs.fork(mask, [True])
+    with sp.make("2s3z", N, batch_size=2, threads=1) as some:
+        some.async_reset(seed=1)
+        some.recv(), some.recv()
+        some.send(stop[mask], mask)
+        assert sorted(some.recv().env_id.tolist()) == ids.tolist()
 
 
 def test_what_too_few_results_would_answer_is_not_sent() -> None:

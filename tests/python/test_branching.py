@@ -255,7 +255,7 @@ def test_battles_continue_in_environments_that_were_not_reset() -> None:
                 plain.reset(snapshots=kept)
             first = [each.reset().obs for each in (plain, untouched)]
             assert np.array_equal(first[0], first[1]), "what was refused drew no episode"
-        only_one = others.reset(mask=[False, True], snapshots=kept[0])
+        only_one = others.reset(env_id=[False, True], snapshots=kept[0])
         assert np.array_equal(only_one.snapshot, kept[[0, 0]])
 
 

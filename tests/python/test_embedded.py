@@ -150,11 +150,11 @@ def test_disabled_autoreset_requires_a_masked_reset() -> None:
         assert batch.truncated.all()
         with pytest.raises(sp.errors.InvalidRequest, match="reset it first"):
             envs.step(stop(batch))
-        batch = envs.reset(mask=np.array([True, False, True]))
+        batch = envs.reset(env_id=np.array([True, False, True]))
         assert batch.episode_length.tolist() == [0, 2, 0]
         batch = envs.reset(env_id=[1])
         assert batch.episode_length.tolist() == [0, 0, 0]
-        batch = envs.reset(mask=[True, True, True])
+        batch = envs.reset(env_id=[True, True, True])
         envs.step(stop(batch))
 
 

@@ -154,15 +154,9 @@ def read_only() -> NDArray[np.int32]:
         (lambda e: e.reset(seed=1.5), TypeError, "or a list with one per environment, got float"),
         (lambda e: e.seed_sampler(10**300), sp.errors.InvalidRequest, "seed must be at most"),
         (
-            lambda e: e.reset(mask=[True]),
+            lambda e: e.reset(env_id=[True]),
             sp.errors.InvalidRequest,
-            r"mask must be a bool array of shape \(2,\), got \(1,\)",
-        ),
-        (lambda e: e.reset(mask=[1, 0]), TypeError, "mask must be a bool array, got int64"),
-        (
-            lambda e: e.reset(mask=[True, False], env_id=[0]),
-            sp.errors.InvalidRequest,
-            "mask and env_id cannot be combined",
+            r"env_id must be a bool array of shape \(2,\), got \(1,\)",
         ),
         (lambda e: e.reset(env_id=[5]), sp.errors.InvalidRequest, "environment 5 does not exist"),
         (
@@ -171,9 +165,9 @@ def read_only() -> NDArray[np.int32]:
             "env_id must select at least one environment",
         ),
         (
-            lambda e: e.reset(mask=[False, False], timeout=10),
+            lambda e: e.reset(env_id=[False, False], timeout=10),
             sp.errors.InvalidRequest,
-            "mask must select at least one environment",
+            "env_id must select at least one environment",
         ),
         (
             lambda e: e.sample_actions(out=np.zeros((2, 5))),

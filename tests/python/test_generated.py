@@ -51,7 +51,7 @@ def test_levels_have_the_shape_of_their_field() -> None:
                 envs.reset(levels=wrong)
         envs.reset(levels=levels[1:2], env_id=[1])
         mask = np.array([True, False, True])
-        envs.reset(levels=levels[mask], mask=mask)
+        envs.reset(levels=levels[mask], env_id=mask)
         with pytest.raises(sp.errors.InvalidRequest, match="name the field `level`"):
             plain.reset(levels=levels)
 

@@ -52,7 +52,7 @@ def test_a_keyword_of_another_package_is_translated(name: str) -> None:
 @pytest.mark.parametrize(
     ("call", "match"),
     [
-        (lambda e: e.reset(options={}), r"reset\(\) .* 'options'; use `mask`"),
+        (lambda e: e.reset(options={}), r"reset\(\) .* 'options'; use `env_id`"),
         (lambda e: e.reset(env_ids=[0]), "use `env_id`"),
         (lambda e: e.reset(sed=1), r"did you mean `seed`\?"),
         (lambda e: e.step(action=[[1] * 3] * 2), r"step\(\) .*use `actions`"),

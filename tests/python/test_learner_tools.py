@@ -343,7 +343,7 @@ def test_levels_and_selections_reach_the_environments_through_a_wrapper() -> Non
         assert np.array_equal(wrapper.reset(levels=levels).level, levels)
         envs.async_reset(env_id=[1], levels=levels[1:] * [1, 1, 1, 0.5, 1])
         assert envs.recv().level[:, 0, 3].tolist() == [0.5, 0.25]
-        envs.async_reset(mask=[True, False], seed=3)
+        envs.async_reset(env_id=[True, False], seed=3)
         assert envs.recv().was_reset.tolist() == [True, True]
         policy = sp.ScriptedPolicy("nearest", sp.make("3m", 2))
         with pytest.raises(TypeError, match="expected Envs or a Wrapper of them, got int"):

@@ -96,7 +96,7 @@ def test_a_rollout_is_the_pools_own_play(env: PoolEnv) -> None:
             over = batch.terminated | batch.truncated
             assert np.array_equal(then["done"].squeeze(-1).numpy(), over), step
             if over.any():
-                batch = envs.reset(mask=over)
+                batch = envs.reset(env_id=over)
 
 
 def test_a_mask_resets_some_environments_and_leaves_the_others(env: PoolEnv) -> None:

@@ -103,7 +103,8 @@ def evaluate(
         AttributeError: the lane omits a field.
         IllegalAction: the policy chose an action that is not available.
     """
-    _check(envs, policy, episodes, seed)
+    _check(envs, policy, episodes)
+    seed = None if seed is None else require_integer("seed", seed, 0)
     spec = envs.spec
     player = _player(envs, policy, against, seed)
     quota = np.full(spec.num_envs, episodes // spec.num_envs)
@@ -135,13 +136,11 @@ def evaluate(
     )
 
 
-def _check(envs: Any, policy: Any, episodes: int, seed: int | None) -> None:
+def _check(envs: Any, policy: Any, episodes: int) -> None:
     if isinstance(policy, (Envs, Wrapper)):
         raise TypeError(f"the environments come first: evaluate(envs, policy, episodes), got {envs!r}")
     require_environments(envs)
     require_integer("episodes", episodes, 1)
-    if seed is not None:
-        require_integer("seed", seed, 0)
     if envs.spec.autoreset_mode == "Disabled":
         raise InvalidRequest('evaluate needs autoreset_mode="NextStep" or "SameStep", got "Disabled"')
     if envs.spec.episode_limit is None:

@@ -234,7 +234,6 @@ class Envs:
     def reset(
         self,
         seed: int | Sequence[int | None] | NDArray[np.integer[Any]] | None = None,
-        mask: ArrayLike | None = None,
         env_id: ArrayLike | None = None,
         timeout: float | None = None,
         *,
@@ -249,7 +248,6 @@ class Envs:
     def async_reset(
         self,
         seed: int | Sequence[int | None] | NDArray[np.integer[Any]] | None = None,
-        mask: ArrayLike | None = None,
         env_id: ArrayLike | None = None,
         *,
         levels: ArrayLike | None = None,

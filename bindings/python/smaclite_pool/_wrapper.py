@@ -52,7 +52,6 @@ class Wrapper:
     def reset(
         self,
         seed: int | Sequence[int | None] | NDArray[np.integer[Any]] | None = None,
-        mask: ArrayLike | None = None,
         env_id: ArrayLike | None = None,
         timeout: float | None = None,
         *,
@@ -60,7 +59,7 @@ class Wrapper:
         snapshots: NDArray[np.uint8] | None = None,
     ) -> Batch:
         """As `Envs.reset`."""
-        batch = self.envs.reset(seed, mask, env_id, timeout, levels=levels, snapshots=snapshots)
+        batch = self.envs.reset(seed, env_id, timeout, levels=levels, snapshots=snapshots)
         return self.change_batch(batch)
 
     def step(

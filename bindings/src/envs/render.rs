@@ -2,7 +2,7 @@
 
 use super::Envs;
 use super::arg::ScenarioArg;
-use crate::arrays::{self, Int32Array, env_ids, require_envs};
+use crate::arrays::{self, Int32Array, require_envs};
 use crate::batch::Batch;
 use crate::convert::{self, IntArg, to_unsigned};
 use crate::errors::invalid_request;
@@ -199,7 +199,8 @@ impl Renderer {
         if count == 0 {
             return Err(invalid_request("states must have at least one row, got none"));
         }
-        let ids = match env_ids(env_id)? {
+        let ids = env_id.map(|ids| arrays::int32_array("env_id", ids, &[None])).transpose()?;
+        let ids = match ids {
             Some(ids) if ids.len() == count => ids.as_slice()?.to_vec(),
             Some(ids) => {
                 let got = ids.len();
@@ -234,15 +235,15 @@ enum Selection<'py> {
 }
 
 impl<'py> Selection<'py> {
-    fn new(env_id: Option<&Bound<'py, PyAny>>) -> PyResult<Selection<'py>> {
+    fn new(env_id: Option<&Bound<'py, PyAny>>, num_envs: usize) -> PyResult<Selection<'py>> {
         let Some(arg) = env_id else { return Ok(Selection::All) };
         match arg.extract::<IntArg>()? {
             IntArg::Other(other) if arg.is_instance_of::<PyString>() || arg.try_iter().is_err() => {
-                Err(other.error("env_id must be an integer, or integers of shape (K,)"))
+                Err(other.error("env_id must be an integer, integers of shape (K,) or bool of shape (N,)"))
             }
             IntArg::Other(_) => {
-                let ids = arrays::int32_array("env_id", arg, &[None])?;
-                require_envs("env_id", ids.as_slice()?)?;
+                let ids = arrays::env_ids("env_id", arg, num_envs)?;
+                require_envs(ids.as_slice()?)?;
                 Ok(Selection::Some(ids))
             }
             one => Ok(Selection::One(to_unsigned("env_id", one)?)),
@@ -259,7 +260,7 @@ pub fn render_batch<'py>(
     renderer: Option<&Bound<'py, Renderer>>,
     style: SheetStyle,
 ) -> PyResult<Pixels<'py>> {
-    let selection = Selection::new(env_id)?;
+    let selection = Selection::new(env_id, envs.lane_description().settings.num_envs)?;
     let (states, in_batch) = (batch.floats(py, Field::State)?, batch.env_id(py)?);
     let own; // lives as long as `renderer`
     let renderer = match renderer {

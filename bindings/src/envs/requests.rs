@@ -1,7 +1,7 @@
 //! What the methods of `Envs` send and receive: their arguments as requests, and batches.
 
 use super::Envs;
-use crate::arrays::{self, Actions, Int32Array, env_ids, require_envs, selected_envs};
+use crate::arrays::{self, Actions, Int32Array, require_envs};
 use crate::batch::Batch;
 use crate::errors::{client_error, invalid_request};
 use crate::seeds::{OwnedSeeds, seeds};
@@ -15,6 +15,15 @@ impl Envs {
     /// The number of environments in a request.
     pub(super) fn request_size(&self, ids: Option<&Int32Array<'_>>) -> usize {
         ids.map_or(self.description.settings.num_envs, Int32Array::len)
+    }
+
+    /// Converts the argument `env_id`; `None` is all environments.
+    pub(super) fn env_ids<'py>(
+        &self,
+        env_id: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Option<Int32Array<'py>>> {
+        let num_envs = self.description.settings.num_envs;
+        env_id.map(|env_id| arrays::env_ids("env_id", env_id, num_envs)).transpose()
     }
 
     /// Converts the argument `seed` of a request to these environments.
@@ -36,20 +45,13 @@ impl Envs {
     pub(super) fn reset_arguments(
         &self,
         seed: Option<&Bound<'_, PyAny>>,
-        mask: Option<&Bound<'_, PyAny>>,
         env_id: Option<&Bound<'_, PyAny>>,
         levels: Option<&Bound<'_, PyAny>>,
         snapshots: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<ResetArguments> {
-        let ids = match (mask, env_id) {
-            (Some(_), Some(_)) => {
-                return Err(invalid_request("mask and env_id cannot be combined; pass only one of them"));
-            }
-            (Some(mask), None) => Some(selected_envs(mask, self.description.settings.num_envs)?),
-            (None, ids) => match env_ids(ids)? {
-                Some(ids) => Some(require_envs("env_id", ids.as_slice()?.to_vec())?),
-                None => None,
-            },
+        let ids = match self.env_ids(env_id)? {
+            Some(ids) => Some(require_envs(ids.as_slice()?.to_vec())?),
+            None => None,
         };
         let start = match (levels, snapshots) {
             (levels, None) => {
@@ -76,9 +78,9 @@ impl Envs {
         actions: &Bound<'py, PyAny>,
         env_id: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<(Actions<'py>, Option<Int32Array<'py>>)> {
-        let ids = env_ids(env_id)?;
+        let ids = self.env_ids(env_id)?;
         if let Some(ids) = &ids {
-            require_envs("env_id", ids.as_slice()?)?;
+            require_envs(ids.as_slice()?)?;
         }
         let n_envs = self.request_size(ids.as_ref());
         let actions = arrays::actions(actions, n_envs, self.description.sizes.n_actors())?;

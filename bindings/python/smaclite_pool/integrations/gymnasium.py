@@ -197,7 +197,7 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
                         f"seed must have one per environment, {self.num_envs}; got {len(seed)}"
                     )
                 seed = [own for own, is_reset in zip(seed, present, strict=True) if is_reset]
-            batch = self._envs.reset(seed, mask=present)
+            batch = self._envs.reset(seed, present)
         self._keep(batch)
         return self._observations(batch, ""), self._infos(batch, present)
 

@@ -222,7 +222,7 @@ class PoolEnv(EnvBase):
             batch = self.envs.reset(self._next_seed if seed is None else seed)
             self._next_seed = None
         else:
-            batch = self.envs.reset(seed, mask=mask.reshape(-1).cpu().numpy())
+            batch = self.envs.reset(seed, mask.reshape(-1).cpu().numpy())
         self._viewer.observe(batch)
         return self._decode(batch)
 
