@@ -15,9 +15,10 @@ use std::sync::Arc;
 
 /// One battle of a scenario with the options `smacv2`, in this process.
 ///
-/// `scenario` is the contents of a scenario file, as a dict or as text. Shapes use A for `n_agents`, E for
-/// `n_enemies` and N for `n_actions`; units are numbered agents first. Raises ScenarioError if the contents
-/// are invalid, and ValueError if they have no key `smacv2`.
+/// `scenario` is the contents of a scenario file, as a dict, or the name of a standard scenario, to whose key
+/// `smacv2` these options are added. Shapes use A for `n_agents`, E for `n_enemies` and N for `n_actions`;
+/// units are numbered agents first. Raises ScenarioError if the contents are invalid, and ValueError if they
+/// have no key `smacv2`.
 #[pyclass(module = "smaclite_pool._native", name = "CapabilityBattle")]
 pub struct CapabilityBattle {
     scenario: Scenario,
@@ -27,21 +28,36 @@ pub struct CapabilityBattle {
     is_fresh: bool,
 }
 
+fn invalid(error: impl ToString) -> PyErr {
+    class::ScenarioError::new_err(error.to_string())
+}
+
 /// Reward, whether the battle is over, and `info`.
 type Stepped<'py> = (f64, bool, Bound<'py, PyDict>);
 
 #[pymethods]
 impl CapabilityBattle {
     #[new]
-    #[pyo3(signature = (scenario, seed=0))]
-    fn new(scenario: &Bound<'_, PyAny>, seed: u64) -> PyResult<CapabilityBattle> {
-        let text: String = match scenario.cast::<PyString>() {
-            Ok(text) => text.extract()?,
-            Err(_) => scenario.py().import("json")?.call_method1("dumps", (scenario,))?.extract()?,
+    #[pyo3(signature = (scenario, seed=0, smacv2=None))]
+    fn new(
+        scenario: &Bound<'_, PyAny>,
+        seed: u64,
+        smacv2: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<CapabilityBattle> {
+        let json = |value: &Bound<'_, PyAny>| -> PyResult<String> {
+            scenario.py().import("json")?.call_method1("dumps", (value,))?.extract()
         };
-        let files = ScenarioFiles { source: "scenario".to_owned(), text, unit_files: Vec::new() };
-        let (scenario, arena) =
-            BattleSetup::new(files).arena().map_err(|e| class::ScenarioError::new_err(e.to_string()))?;
+        let files = match scenario.cast::<PyString>() {
+            Ok(name) => ScenarioFiles::resolve(&name.to_string()).map_err(invalid)?.1,
+            Err(_) => {
+                let (source, text) = ("scenario".to_owned(), json(scenario)?);
+                ScenarioFiles { source, text, unit_files: Vec::new() }
+            }
+        };
+        let options = smacv2.map(json).transpose()?;
+        let options = options.and_then(|options| serde_json::from_str(&options).ok());
+        let files = files.with_keys(options.map(|options| ("smacv2".to_owned(), options)));
+        let (scenario, arena) = BattleSetup::new(files).arena().map_err(invalid)?;
         if arena.interface().is_none() {
             return Err(PyValueError::new_err("the scenario needs the key `smacv2`"));
         }

@@ -59,6 +59,7 @@ fn described(scenario: &Scenario, rules: Rules) -> Value {
         "enemy_has_shields": scenario.enemy_has_shields,
         "episode_limit": scenario.episode_limit,
         "teams_are_drawn": scenario.draws_teams(),
+        "smacv2": scenario.smacv2,
         "unit_types": unit_types(scenario),
         "actions": action_names(scenario),
         "allies": units(scenario, &arena, Faction::Ally),

@@ -82,7 +82,7 @@ impl ScenarioFiles {
     /// ```
     #[must_use]
     pub fn with_keys(&self, keys: impl IntoIterator<Item = (String, Value)>) -> ScenarioFiles {
-        let keys: Vec<_> = keys.into_iter().collect();
+        let mut keys: Vec<_> = keys.into_iter().collect();
         let is_given = |key: &str| keys.iter().any(|(given, value)| given == key && !value.is_null());
         // What is not changed stays as it is written: the order of `units` in groups gives units their ids.
         let read = serde_json::from_str::<BTreeMap<String, Box<RawValue>>>(&self.text);
@@ -93,8 +93,10 @@ impl ScenarioFiles {
                 file.remove(*replaced);
             }
         }
-        let is_smacv2 = file.contains_key(SMACV2.name) && !keys.iter().any(|(key, _)| key == SMACV2.name);
+        let has_smacv2 = file.contains_key(SMACV2.name);
+        keys.sort_by_key(|(key, _)| key == REWARDS.name); // after options of `smacv2` that are given, too
         for (mut key, value) in keys {
+            let is_smacv2 = has_smacv2 && file.contains_key(SMACV2.name);
             if key == REWARDS.name && is_smacv2 && !value.is_null() {
                 SMACV2.name.clone_into(&mut key);
             }

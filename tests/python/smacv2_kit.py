@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+import smaclite_pool as sp
 from numpy.typing import NDArray
 
 RACES = {
@@ -50,7 +51,18 @@ UNIFORM = {"dist_type": "per_agent_uniform", "lower_bound": [0.0], "upper_bound"
 class ScriptedBattle:
     """In place of the native battle. Agents can do everything but the no-op; `ends` says when it ends."""
 
-    def __init__(self, scenario: Mapping[str, Any], seed: int) -> None:
+    def __init__(
+        self, scenario: Mapping[str, Any] | str, seed: int, smacv2: Mapping[str, Any] | None = None
+    ) -> None:
+        if isinstance(scenario, str):
+            info = sp.scenario(scenario)
+            scenario = {
+                **info,
+                "num_allied_units": len(info["allies"]),
+                "num_enemy_units": len(info["enemies"]),
+                "unit_type_ids": [unit_type["unit_type"] for unit_type in info["unit_types"]],
+                "smacv2": smacv2,
+            }
         self.scenario, self.seeds = scenario, [seed]
         options = scenario["smacv2"]
         self.n_agents: int = scenario["num_allied_units"]

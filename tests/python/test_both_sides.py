@@ -115,6 +115,16 @@ def test_what_is_wrong_is_an_error_that_names_it() -> None:
         sp.ScriptedPolicy("hold", envs, side="enemies")
 
 
+def test_enemies_that_a_script_plays_have_no_last_actions() -> None:
+    """Their state said that they did nothing, as the actions that nobody reads did."""
+    fields = ["enemy_state", "avail_actions", "enemy_avail_actions", "snapshot"]
+    opponent = {"learner": 1e-6, "kite": 1}
+    with sp.make("3m", 1, seed=1, sides="both", opponent=opponent, fields=fields) as envs:
+        envs.reset()
+        columns = sp.snapshot_columns(envs.step([[1, 1, 1, 0, 0, 0]]).snapshot[0])
+        assert columns["last_action"].tolist() == [1, 1, 1, -1, -1, -1]
+
+
 def test_snapshots_and_replays_have_both_sides(tmp_path: Path) -> None:
     file = tmp_path / "both.smreplay"
     fields = ["snapshot", "opponent", "avail_actions", "enemy_avail_actions", "enemy_obs"]

@@ -141,6 +141,25 @@ def test_a_battle_that_had_ended_begins_without_agents() -> None:
     env.close()
 
 
+def test_a_battle_that_healers_alone_had_lost_begins_without_agents() -> None:
+    """It was a battle without end: agents were alive, and every step was refused."""
+    teams = {"distribution": "fixed", "teams": [["MARINE", "MEDIVAC", "MEDIVAC"]]}
+    env = parallel_env("terran_5_vs_5", seed=1, num_allied_units=3, num_enemy_units=3, teams=teams)
+    for _ in range(20):
+        seen, _ = env.reset()
+        while env.agents:
+            actions = {name: int(np.flatnonzero(own["action_mask"])[-1]) for name, own in seen.items()}
+            seen, _, terminated, _, infos = env.step(actions)
+        info = infos["agent_0"]
+        if terminated["agent_0"] and 3 not in (info["dead_allies"], info["dead_enemies"]):
+            break
+    else:
+        pytest.fail("healers never were alone")
+    env.restore(env.save())
+    assert env.agents == []
+    env.close()
+
+
 def test_invalid_calls_are_refused(env: parallel_env) -> None:
     with pytest.raises(sp.errors.InvalidRequest, match="reset"):
         env.state()

@@ -51,6 +51,9 @@ def test_scenarios_with_smacv2s_options_have_their_own() -> None:
     for made in (sp.make(name, 1, smacv2=options), sp.make(name, 1, rewards=options)):
         with made as envs:
             assert envs.spec.rewards == {**DEFAULTS, "reward_win": 77}
+    # Together they were refused, although the file has options of its own to which both are added.
+    with sp.make(name, 1, rewards=options, smacv2={"reward_defeat": -5}) as envs:
+        assert envs.spec.rewards == {**DEFAULTS, "reward_win": 77, "reward_defeat": -5}
     # SMAC's emulation refused them on these scenarios, by keys that it does not take.
     env = StarCraft2Env(map_name=name, reward_sparse=True, seed=1)
     env.reset()

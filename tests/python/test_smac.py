@@ -269,6 +269,51 @@ def test_parts_of_observations_that_smac_does_not_have_are_refused(tmp_path: Pat
         MultiAgentEnv(path)
 
 
+@pytest.mark.parametrize(
+    ("option", "words"),
+    [
+        ({"conic_fov": True}, "`conic_fov` of `smacv2` in the scenario is not false"),
+        ({"obs_all_health": False}, "`obs_all_health` of `smacv2` in the scenario is not true"),
+        (
+            {"health": {"lower_bound": 0.3, "upper_bound": 0.6}},
+            "`health` of `smacv2` in the scenario is not null",
+        ),
+    ],
+)
+def test_options_by_which_actions_or_health_mean_something_else_are_refused(
+    tmp_path: Path, option: dict[str, Any], words: str
+) -> None:
+    """The scripted player looked around instead of attacking; units that lived were dead, with -11 health."""
+    scenario = json.loads((REPOSITORY / "scenarios" / "data" / "terran_5_vs_5.json").read_text())
+    scenario["smacv2"] |= option
+    path = tmp_path / "other.json"
+    path.write_text(json.dumps(scenario))
+    with pytest.raises(sp.errors.InvalidRequest, match=words):
+        MultiAgentEnv(path)
+
+
+def test_types_that_are_drawn_and_not_told_are_refused(tmp_path: Path) -> None:
+    """Units, pictures and rewards were those of a sample, not of the episode."""
+    scenario = json.loads((REPOSITORY / "scenarios" / "data" / "terran_5_vs_5.json").read_text())
+    scenario |= {"num_unit_types": 0, "unit_type_ids": {}}
+    path = tmp_path / "untold.json"
+    path.write_text(json.dumps(scenario))
+    for made in (lambda: MultiAgentEnv(path), lambda: sp.extras.AgentViews(sp.make(path, 1))):
+        with pytest.raises(
+            sp.errors.InvalidRequest, match="must tell the types of units, which each episode"
+        ):
+            made()
+
+
+def test_attributes_of_rewards_are_those_of_the_scenario(tmp_path: Path) -> None:
+    scenario = json.loads((REPOSITORY / "scenarios" / "data" / "3m.json").read_text())
+    path = tmp_path / "fifty.json"
+    path.write_text(json.dumps(scenario | {"rewards": {"reward_win": 50}}))
+    env = MultiAgentEnv(path)
+    assert env.reward_win == 50 and env.reward_scale_rate == 20
+    env.close()
+
+
 def test_options_of_rewards_are_those_of_the_battle() -> None:
     """What they do is tested in tests/battles/rewards.rs."""
     options: dict[str, Any] = {name: SMAC_DEFAULTS[name] for name in SMAC_DEFAULTS if "reward" in name}

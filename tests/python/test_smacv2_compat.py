@@ -180,6 +180,21 @@ def test_the_time_is_double_in_the_published_code_only() -> None:
         assert obs.dtype == kind and (obs[-1] == 1 / 3) is np.bool_(published)
 
 
+@pytest.mark.parametrize("name", ["corridor", "bane_vs_bane", "2s_vs_1sc", "MMM2"])
+def test_maps_of_smac_have_the_battles_of_make(name: str) -> None:
+    """Where a map lists its enemies first, units had other ids, and battles other bits."""
+    env = StarCraft2Env(name, seed=4)
+    env.reset()
+    with sp.make(name, 1, seed=4, smacv2=env._scenario["smacv2"]) as envs:
+        batch, generator = envs.reset(), np.random.default_rng(0)
+        for _ in range(20):
+            assert np.array_equal(env.get_state(), batch.state[0])
+            actions = [int(generator.choice(np.flatnonzero(row))) for row in env.get_avail_actions()]
+            env.step(actions)
+            batch = envs.step([actions])
+    env.close()
+
+
 @pytest.mark.usefixtures("scripted")
 def test_seeds_reach_the_battle() -> None:
     env, battle = made(seed=3)

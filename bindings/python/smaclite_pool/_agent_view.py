@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ._evaluation import Evaluation, evaluate
-from ._layout import FeatureBlock, feature_blocks, unwrapped
+from ._layout import FeatureBlock, feature_blocks, require_told_types, unwrapped
 from ._native import make
 from ._native import scenario as native_scenario
 from ._requirements import require_integer
@@ -102,7 +102,10 @@ class AgentView:
 
     @property
     def health(self) -> float | None:
-        """Share of its maximum, 0 to 1; 0 of the dead. None if observations do not have it."""
+        """Share of its maximum, 0 to 1; 0 of the dead. None if observations do not have it.
+
+        With `health` of `smacv2` it is the share of what is above the unit's level, and can be below 0.
+        """
         return self._own.get("health")
 
     @property
@@ -187,7 +190,8 @@ class AgentViews:
         envs: the environments, or a wrapper of them that leaves observations as they are. Batches must have
             the fields `obs`, `avail_actions` and `episode_length`.
 
-    Raises InvalidRequest if observations have no units (`obs_starcraft` of `smacv2` is false).
+    Raises InvalidRequest if observations have no units (`obs_starcraft` of `smacv2` is false), or do not tell
+    their types, which each episode draws (`num_unit_types` is 0).
     """
 
     def __init__(self, envs: Envs | Wrapper) -> None:
@@ -196,6 +200,7 @@ class AgentViews:
         """The parts of an observation."""
         if "enemies" not in self.blocks:
             raise InvalidRequest("observations must have units, but `obs_starcraft` of `smacv2` is false")
+        require_told_types(info)
         self.episode_limit: int | None = envs.spec.episode_limit
         self._is_same_step = envs.spec.autoreset_mode == "SameStep"
         types = {unit_type["unit_type"]: unit_type for unit_type in info["unit_types"]}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import dataclass
 from os import PathLike
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 
 from ._native import Envs, scenario
 from .errors import InvalidRequest
-from .types import LayoutPart
+from .types import LayoutPart, Scenario
 
 Floats = NDArray[np.float32]
 Bools = NDArray[np.bool_]
@@ -69,14 +70,38 @@ class StateBlocks(NamedTuple):
     """[A, N]: the last action of each agent, one-hot."""
 
 
+_PLAIN_OPTIONS = {
+    "conic_fov": False,
+    "obs_all_health": True,
+    "obs_own_health": True,
+    "enemy_mask": None,
+    "health": None,
+}
+"""Options of `smacv2` with which actions and health mean what they mean in SMAC."""
+
+_OTHERS = "smaclite_pool.make and its Gymnasium environments accept all options"
+
+
+def require_told_types(info: Scenario) -> None:
+    """Raise InvalidRequest if the types of units are drawn, and observations and state do not tell them."""
+    if info["teams_are_drawn"] and info["num_unit_types"] == 0 and len(info["unit_types"]) > 1:
+        raise InvalidRequest(
+            f"{info['name']}: observations and state must tell the types of units, which each episode draws, "
+            "but `num_unit_types` is 0"
+        )
+
+
 class ScenarioLayout:
     """A scenario's units, its map, and the layout of its observations and state.
 
-    It is that of environments, with the figures of their rules, or one by its name or path.
+    It is that of environments, with the figures of their rules, or one by its name or path. Raises
+    InvalidRequest if observations and state have other parts, or do not tell the types that are drawn.
     """
 
     def __init__(self, of: Envs | str | PathLike[str]) -> None:
         self.info = scenario(of)
+        require_told_types(self.info)
+        self._check_options()
         self.allies = self.info["allies"]
         self.enemies = self.info["enemies"]
         self.n_agents = len(self.allies)
@@ -90,13 +115,21 @@ class ScenarioLayout:
         self.walkable: Bools = np.array(self.info["walkable"], np.bool_)
         """[height, width]: `walkable[y, x]`, the southern row first."""
 
+    def _check_options(self) -> None:
+        options = self.info["smacv2"] or {}
+        for name, plain in _PLAIN_OPTIONS.items():
+            if options.get(name, plain) != plain:
+                raise InvalidRequest(
+                    f"{self.info['name']}: `{name}` of `smacv2` in the scenario is not {json.dumps(plain)}; "
+                    f"{_OTHERS}"
+                )
+
     def _blocks(self, field: Literal["obs", "state"], expected: tuple[str, ...]) -> dict[str, FeatureBlock]:
         blocks = feature_blocks(self.info["obs_layout" if field == "obs" else "state_layout"])
         if tuple(blocks) != expected:
             raise InvalidRequest(
                 f"{self.info['name']}: options of `smacv2` in the scenario give `{field}` the parts "
-                f"{', '.join(blocks)}, but this class reads {', '.join(expected)}; "
-                "smaclite_pool.make and its Gymnasium environments accept all options"
+                f"{', '.join(blocks)}, but this class reads {', '.join(expected)}; {_OTHERS}"
             )
         return blocks
 

@@ -337,7 +337,9 @@ class Spectator:
 class CapabilityBattle:
     """One battle of a scenario with the options `smacv2`, in this process."""
 
-    def __new__(cls, scenario: dict[str, Any] | str, seed: int = 0) -> CapabilityBattle: ...
+    def __new__(
+        cls, scenario: dict[str, Any] | str, seed: int = 0, smacv2: Mapping[str, Any] | None = None
+    ) -> CapabilityBattle: ...
     @property
     def n_agents(self) -> int: ...
     @property

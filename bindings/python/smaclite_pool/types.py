@@ -11,7 +11,7 @@ print(sum(unit["hp"] for unit in scenario["allies"]))
 
 from __future__ import annotations
 
-from typing import Literal, TypedDict
+from typing import Any, Literal, TypedDict
 
 __all__ = [
     "Capacity",
@@ -112,6 +112,8 @@ class Scenario(TypedDict):
     """Steps, None for no limit."""
     teams_are_drawn: bool
     """Whether each episode draws the types of the units; then `allies` and `enemies` are one sample."""
+    smacv2: dict[str, Any] | None
+    """All options of SMACv2's interface, with their defaults; None without the key `smacv2`."""
     unit_types: list[UnitType]
     """In the order of the numbers that a level has for types."""
     actions: list[str]

@@ -6,6 +6,7 @@ import inspect
 import operator
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from os import PathLike
 from typing import Any, Literal, TypeAlias, TypeVar
 
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._layout import Bounds, field_bounds
-from .._native import NO_OP, STOP, Batch, Envs, check_settings, make
+from .._native import NO_OP, STOP, Batch, Envs, check_settings, make, scenario, snapshot_columns
 from ..errors import InvalidRequest
 
 IllegalActions: TypeAlias = Literal["error", "stop"]
@@ -124,19 +125,36 @@ def stops(illegal_actions: IllegalActions) -> bool:
     return illegal_actions == "stop"
 
 
-ENDS_FIELDS = ("dead_allies", "dead_enemies", "episode_length")
-"""Fields that `ends` needs."""
+class Ends:
+    """Says of restored battles which have ended: batches say how a step ended a battle, and there was none.
 
-
-def ends(batch: Batch, envs: Envs) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Whether each battle has terminated and whether it was truncated, bool [M], after a restore.
-
-    The batch itself says how the last step ended a battle, and there was no step.
+    Args:
+        envs: the environments of the lane; batches must have the fields of `FIELDS`.
     """
-    spec = envs.spec
-    terminated = (batch.dead_allies == spec.n_agents) | (batch.dead_enemies == spec.n_enemies)
-    limit = np.inf if spec.episode_limit is None else spec.episode_limit
-    return terminated, ~terminated & (batch.episode_length >= limit)
+
+    FIELDS = ("dead_allies", "dead_enemies", "episode_length", "snapshot")
+
+    def __init__(self, envs: Envs) -> None:
+        self._spec, info = envs.spec, scenario(envs)
+        self._heals = np.array([unit_type["healer"] for unit_type in info["unit_types"]])
+        # With SMACv2's interface, healers alone have lost.
+        self._has_fighters = info["smacv2"] is not None and bool(self._heals.any())
+
+    def __call__(self, batch: Batch) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Whether each battle has terminated and whether it was truncated, bool [M]."""
+        spec = self._spec
+        terminated = (batch.dead_allies == spec.n_agents) | (batch.dead_enemies == spec.n_enemies)
+        if self._has_fighters:
+            lost = [self._has_healers_alone(record) for record in batch.snapshot]
+            terminated |= np.array(lost) & (batch.episode_length > 0)
+        limit = np.inf if spec.episode_limit is None else spec.episode_limit
+        return terminated, ~terminated & (batch.episode_length >= limit)
+
+    def _has_healers_alone(self, record: NDArray[np.uint8]) -> bool:
+        columns = snapshot_columns(record)
+        fights = columns["alive"].astype(np.bool_) & ~self._heals[columns["unit_type"]]
+        n_agents = self._spec.n_agents
+        return not (fights[:n_agents].any() and fights[n_agents:].any())
 
 
 class CopiedByArguments:
@@ -333,13 +351,17 @@ class SingleBattle:
         self._next_seed = None
         return self._last
 
+    @cached_property
+    def _ends(self) -> Ends:
+        return Ends(self.envs)
+
     def restore(self, snapshot: NDArray[np.uint8], seed: int | None = None) -> TimeStep:
         """Continue from a snapshot; with a seed, with execution orders drawn from it.
 
         Raises InvalidRequest for a snapshot of another scenario or rule set.
         """
         batch = self.envs.reset(seed, snapshots=snapshot)
-        terminated, truncated = ends(batch, self.envs)
+        terminated, truncated = self._ends(batch)
         self._last = replace(
             TimeStep.of(batch), terminated=terminated[0].item(), truncated=truncated[0].item()
         )

@@ -34,13 +34,12 @@ from .._render import LaneViewer, check_render_mode, check_render_speed
 from .._requirements import require_synchronous
 from ..errors import InvalidRequest
 from ._common import (
-    ENDS_FIELDS,
     ENEMY_FIELDS,
     INFO_FIELDS,
     OBSERVATION_KEYS,
     WAITS_FOR_RESET,
+    Ends,
     check_keywords,
-    ends,
     refuse_settings,
     require_fields,
 )
@@ -266,12 +265,12 @@ class PoolEnv(EnvBase):
         Returns what `reset` returns; "done" is True where a battle has ended, before the snapshot or, in
         another environment, before the call. Without a seed the battles go on as they would have gone on;
         with one, environment i has the execution orders of seed + i. Raises InvalidRequest as `Envs.reset`,
-        and if the lane omits dead_allies, dead_enemies or episode_length.
+        and if the lane omits dead_allies, dead_enemies, episode_length or snapshot.
         """
-        require_fields(self.envs, "restore", ENDS_FIELDS)
+        require_fields(self.envs, "restore", Ends.FIELDS)
         batch = self.envs.reset(seed, env_id=env_id, snapshots=snapshots.cpu().numpy())
         self._viewer.observe(batch)
-        return self._decode(batch).update(self._ends(*ends(batch, self.envs)))
+        return self._decode(batch).update(self._ends(*Ends(self.envs)(batch)))
 
     def _ends(self, terminated: NDArray[np.bool_], truncated: NDArray[np.bool_]) -> dict[str, torch.Tensor]:
         each = {"done": terminated | truncated, "terminated": terminated, "truncated": truncated}

@@ -300,7 +300,7 @@ impl Battle {
         };
         let (agents, enemies) = self.last_actions.split_at_mut(arena.agents.len());
         set(agents, arena.n_actions(Faction::Ally));
-        if arena.sides().are_both() {
+        if arena.sides().are_both() && self.opponent == Opponent::Learner {
             set(enemies, arena.n_actions(Faction::Enemy));
         }
     }

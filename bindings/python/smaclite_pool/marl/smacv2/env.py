@@ -19,7 +19,7 @@ from ..smac.env import check_fixed
 from ..smac.unavailable import Unavailable
 from .base import UnavailableAction
 from .distributions import DRAWN_BY_THE_BATTLE
-from .maps import get_map_params
+from .maps import get_map_params, race_types
 from .names import FeatureNames
 from .queries import Queries
 from .scenario import scenario_of
@@ -127,7 +127,11 @@ class StarCraft2Env(Queries):
         self.capability_config = dict(capability_config or {})
         self._scenario = scenario_of(map_name, self.capability_config, self._options)
         self._seed = secrets.randbits(32) if seed is None else require_integer("seed", seed, 0)
-        self._battle = CapabilityBattle(self._scenario, self._seed)
+        self._battle = (
+            CapabilityBattle(self._scenario, self._seed)
+            if race_types(map_name)
+            else CapabilityBattle(map_name, self._seed, self._scenario["smacv2"])
+        )
         self._next_seed: int | None = None
         self._last_actions: list[int] | None = None
         self._set_constants()

@@ -27,7 +27,7 @@ Config = Mapping[str, Any]
 
 
 def scenario_of(map_name: str, config: Config, options: Mapping[str, Any]) -> dict[str, Any]:
-    """The contents of a scenario file.
+    """The contents of a scenario file; of those of a map of SMAC, a part.
 
     Args:
         map_name: one of SMACv2's maps.
@@ -100,7 +100,7 @@ def _count(config: Config, name: str) -> int:
 
 
 def _of_map(map_name: str, config: Config) -> dict[str, Any]:
-    """A map of SMAC: its scenario written again, each unit as a group of its own."""
+    """What the keys of a map of SMAC say; the battle reads the map itself."""
     info = scenario(map_name)
     sides = {"ALLY": info["allies"], "ENEMY": info["enemies"]}
     for name in ("team_gen", "start_positions"):
@@ -111,25 +111,12 @@ def _of_map(map_name: str, config: Config) -> dict[str, Any]:
             raise InvalidRequest(
                 f"capability_config: {name} of {map_name} must be {len(units)}, got {config[name]!r}"
             )
-    groups = [
-        {"x": x, "y": y, "faction": faction, "units": {unit["unit_type"]: 1}}
-        for faction, units in sides.items()
-        for unit in units
-        for x, y in [unit["position"]]
-    ]
-    units = [unit for units in sides.values() for unit in units]
     return {
-        "name": map_name,
         "num_allied_units": len(info["allies"]),
         "num_enemy_units": len(info["enemies"]),
-        "groups": groups,
-        "attack_point": info["attack_point"],
-        "terrain": ["".join("_" if free else "X" for free in row) for row in info["walkable"]],
         "width": info["width"],
         "height": info["height"],
         "num_unit_types": info["num_unit_types"],
-        "unit_type_ids": {unit["unit_type"]: unit["type_id"] for unit in units},
         "ally_has_shields": info["ally_has_shields"],
         "enemy_has_shields": info["enemy_has_shields"],
-        "episode_limit": info["episode_limit"],
     }
