@@ -5,11 +5,12 @@ use std::path::Path;
 use std::sync::Arc;
 
 use glam::Vec2;
+use serde_json::json;
 use smaclite_engine::policy::{Random, Tactic};
 use smaclite_engine::{
     Arena, Battle, ExecutionOrder, NeighbourOrder, Opponent, Rules, Scratch, Snapshot, Units, action,
 };
-use smaclite_scenarios::{Faction, Placement, Scenario};
+use smaclite_scenarios::{Faction, Placement, Scenario, ScenarioFiles};
 use smaclite_units::{Plane, UnitType};
 
 const STOP: i32 = action::STOP as i32;
@@ -220,6 +221,29 @@ fn no_unit_starts_in_a_wall_or_in_another_one() {
                 assert!(is_apart, "{map}: {i} and {j}");
             }
         }
+    }
+}
+
+/// Units whose group stands in a wide wall stayed there, without a move for the whole episode.
+#[test]
+fn units_leave_a_wall_however_wide_it_is() {
+    let row = |y: i32| -> String {
+        let is_wall = |x: i32| (2..30).contains(&x) && (2..30).contains(&y);
+        (0..32).map(|x| if is_wall(x) { 'X' } else { '_' }).collect()
+    };
+    let units = json!({ "MARINE": 5 });
+    let group = |side: &str, x: f64, y: f64| json!({ "x": x, "y": y, "faction": side, "units": units });
+    let text = json!({
+        "name": "walls", "num_allied_units": 5, "num_enemy_units": 5, "num_unit_types": 0,
+        "ally_has_shields": false, "enemy_has_shields": false, "attack_point": [1, 1],
+        "terrain": (0..32).map(row).collect::<Vec<_>>(),
+        "groups": [group("ALLY", 12.0, 16.0), group("ENEMY", 31.0, 31.0)],
+    });
+    let files = ScenarioFiles { source: "walls.json".into(), text: text.to_string(), unit_files: Vec::new() };
+    let scenario = files.scenario().expect("a scenario");
+    let battle = Battle::new(Arc::new(Arena::new(&scenario, Rules::Starcraft)), 1);
+    for at in &battle.units().pos {
+        assert!(scenario.terrain.is_walkable(at.x.floor() as i64, at.y.floor() as i64), "{at}");
     }
 }
 

@@ -199,8 +199,8 @@ pub(crate) const HIT_INTERVAL: Key<Range> = Key::with_default(
     "hit_interval",
     SECONDS,
     0.0,
-    "Under rules `starcraft`: time between the hits of one attack, in seconds; a new order ends them, and so \
-     does a target out of reach.",
+    "Under rules `starcraft`: time between the hits of one attack, in seconds, rounded up to ticks of 1/16 \
+     s; a new order ends them, and so does a target out of reach.",
 );
 pub(crate) const PROJECTILE_SPEED: Key<Range> = Key::with_default(
     "projectile_speed",

@@ -16,7 +16,8 @@ const OVERLAP: f64 = 0.065;
 /// are.
 const PULL: f64 = 0.0625;
 
-/// The start positions of all units. One without a free point on walkable ground keeps that of its scenario.
+/// The start positions of all units. One for which the map has no free point on walkable ground keeps that of
+/// its scenario.
 pub(super) fn starts(scenario: &Scenario) -> Vec<Vec2> {
     let mut starts: Vec<DVec2> = Vec::with_capacity(scenario.units.len());
     // What was taken stays taken: units of one type and group go on where the one before them stopped.
@@ -29,10 +30,21 @@ pub(super) fn starts(scenario: &Scenario) -> Vec<Vec2> {
             points = lattice(40 + 5 * n_units.isqrt() as u32);
         }
         let mut candidates = points.by_ref().map(|at| centre + offset(at, unit_type.radius()));
-        let found = candidates.find(|point| is_free(scenario, &starts, unit_type, *point));
+        let is_free = |point: &DVec2| is_free(scenario, &starts, unit_type, *point);
+        let found = candidates.find(is_free).or_else(|| {
+            // A group in a wide wall, or on a full map.
+            let distance = |point: &DVec2| point.distance_squared(centre);
+            squares(scenario).filter(is_free).min_by(|a, b| distance(a).total_cmp(&distance(b)))
+        });
         starts.push(found.unwrap_or(DVec2::from(unit.position)));
     }
     starts.into_iter().map(DVec2::as_vec2).collect()
+}
+
+/// The middles of all squares, those in the south first.
+fn squares(scenario: &Scenario) -> impl Iterator<Item = DVec2> {
+    let (width, height) = (scenario.terrain.width(), scenario.terrain.height());
+    (0..height).flat_map(move |y| (0..width).map(move |x| DVec2::new(x.into(), y.into()) + 0.5))
 }
 
 /// The points of the lattice by their distance, up to this many steps.
