@@ -154,7 +154,12 @@ fn find_scenario(
     let mut other = None;
     for name in names {
         let setup = resolve_scenario(name, rules)?;
-        let setup = match has_two_sides(layout, bytes) {
+        let has_two_sides = has_two_sides(layout, bytes);
+        if has_two_sides && named.is_none() && setup.files.scenario().is_ok_and(|read| read.smacv2.is_some())
+        {
+            continue; // its battles have one side
+        }
+        let setup = match has_two_sides {
             true => setup.with_sides(Sides::Both(EnemySide::default())),
             false => setup,
         };

@@ -165,8 +165,8 @@ impl Config {
     /// Checks that a run can have so many maps.
     ///
     /// # Errors
-    /// If there is none, or if there are several, and the networks are those of one; or if a map would have
-    /// no environment.
+    /// If there is none, or more than environments; or if there are several, and the networks are those of
+    /// one.
     pub fn check_maps(&self, count: usize) -> Result<(), ConfigError> {
         ensure(count <= self.num_envs, "num_envs", "at least the number of maps", &self.num_envs)?;
         ensure(count > 0, "maps", "at least one", &count)?;
@@ -179,9 +179,6 @@ impl Config {
             accepted,
             &format!("{weights:?}"),
         )?;
-        let envs = self.envs_of_maps(count);
-        let accepted = "so many that each map has one";
-        ensure(!envs.contains(&0), "num_envs", accepted, &format!("{}, divided as {envs:?}", self.num_envs))?;
         let is_universal = count == 1 || self.network == NetworkKind::Universal;
         ensure(
             is_universal,
@@ -191,7 +188,7 @@ impl Config {
         )
     }
 
-    /// Divides the environments among so many maps, by their weights.
+    /// Divides the environments among so many maps, by their weights, so that each has at least one.
     #[must_use]
     pub fn envs_of_maps(&self, count: usize) -> Vec<usize> {
         let equal = vec![1.0; count];
@@ -208,7 +205,14 @@ impl Config {
             };
             end - std::mem::replace(&mut begin, end)
         };
-        weights.iter().enumerate().map(divide).collect()
+        let mut envs: Vec<usize> = weights.iter().enumerate().map(divide).collect();
+        while let Some(none) = envs.iter().position(|&envs| envs == 0)
+            && let Some(most) = (0..count).rev().max_by_key(|&map| envs[map]).filter(|&map| envs[map] > 1)
+        {
+            envs[none] += 1;
+            envs[most] -= 1;
+        }
+        envs
     }
 
     fn check_sizes(&self) -> Result<(), ConfigError> {
@@ -357,8 +361,11 @@ mod tests {
         assert_eq!(config(10, &[0.1, 0.2, 0.7]).envs_of_maps(3), [1, 2, 7]);
         assert_eq!(config(10, &[0.1, 0.2, 0.7]).check_maps(3), Ok(()));
         let error = |config: Config, count| config.check_maps(count).unwrap_err().to_string();
-        let expected = "num_envs must be so many that each map has one, got 10, divided as [0, 10]";
-        assert_eq!(error(config(10, &[1.0, 19.0]), 2), expected);
+        // Whether a map had none depended on their order.
+        assert_eq!(config(64, &[1000.0, 1.0, 1.0]).envs_of_maps(3), [62, 1, 1]);
+        assert_eq!(config(64, &[1.0, 1.0, 1000.0]).envs_of_maps(3), [1, 1, 62]);
+        assert_eq!(config(3, &[1.0, 1000.0, 1.0]).envs_of_maps(3), [1, 1, 1]);
+        assert_eq!(error(config(2, &[]), 3), "num_envs must be at least the number of maps, got 2");
         let expected = "map_weights must be one number above 0 per map, got ";
         for weights in [&[1.0, 0.0][..], &[1.0, f64::NAN], &[1.0, -1.0], &[1.0], &[1.0, f64::INFINITY]] {
             assert!(error(config(10, weights), 2).starts_with(expected), "{weights:?}");

@@ -72,7 +72,7 @@ pub enum ClientError {
         in_seconds(*time)
     )]
     NotAccepted { time: Duration },
-    #[error("the wait was interrupted")]
+    #[error("interrupted")]
     Interrupted,
     #[error("the supervisor of pool `{pool}` is gone; start it and connect again")]
     PoolDied { pool: String },

@@ -113,7 +113,9 @@ impl BattleSetup {
         };
         compare("rules", &self.rules, &expected.rules);
         compare("episode limit", &self.episode_limit, &expected.episode_limit);
-        compare("opponents", &self.opponents, &expected.opponents);
+        if self.opponents != expected.opponents {
+            compare("opponents", &self.opponents, &expected.opponents);
+        }
         let sides = |sides| match sides {
             Sides::Allies => "allies".to_owned(),
             Sides::Both(EnemySide { mirror, zero_sum }) => {

@@ -93,7 +93,7 @@ impl Opponent {
 }
 
 /// The opponents of a lane, with their weights. As JSON an object, as text `NAME` or
-/// `NAME=WEIGHT,NAME=WEIGHT`.
+/// `NAME=WEIGHT,NAME=WEIGHT`. They are equal if they play in equal shares of the episodes.
 ///
 /// ```
 /// use smaclite_engine::Opponents;
@@ -103,7 +103,7 @@ impl Opponent {
 /// assert_eq!("kite".parse::<Opponents>()?.to_string(), "kite");
 /// # Ok::<(), smaclite_engine::OpponentsError>(())
 /// ```
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(try_from = "BTreeMap<String, f64>", into = "BTreeMap<String, f64>")]
 pub struct Opponents {
     /// By index in [`Opponent::ALL`]; those that never play are left out.
@@ -143,6 +143,17 @@ pub enum OpponentsError {
     /// No name.
     #[error("at least one opponent must be named: {names}", names = Opponent::names())]
     None,
+}
+
+/// Shares that differ by less are those of the same numbers, rounded.
+const ROUNDING: f64 = 1e-12;
+
+impl PartialEq for Opponents {
+    fn eq(&self, other: &Opponents) -> bool {
+        let mut pairs = self.shares().zip(other.shares());
+        self.weights.len() == other.weights.len()
+            && pairs.all(|((a, of_a), (b, of_b))| a == b && (of_a - of_b).abs() < ROUNDING)
+    }
 }
 
 impl Default for Opponents {
@@ -236,6 +247,12 @@ impl Opponents {
         &self.weights
     }
 
+    /// The opponents and their shares of the episodes.
+    fn shares(&self) -> impl Iterator<Item = (Opponent, f64)> {
+        let total: f64 = self.weights.iter().map(|(_, weight)| weight).sum();
+        self.weights.iter().map(move |(opponent, weight)| (*opponent, weight / total))
+    }
+
     /// The opponent of an episode.
     pub(crate) fn draw(&self, generator: &mut Generator) -> Opponent {
         if let [(opponent, _)] = *self.weights {
@@ -303,6 +320,17 @@ mod tests {
         // Six standard deviations.
         assert!((f64::from(attack_move) - 1000.0).abs() < 6.0 * (8000.0f64 * 0.125 * 0.875).sqrt());
         assert!((f64::from(kite) - 2000.0).abs() < 6.0 * (8000.0f64 * 0.25 * 0.75).sqrt());
+    }
+
+    /// A report called runs with opponents `1,1` and `0.5,0.5` runs of other battles.
+    #[test]
+    fn opponents_are_equal_by_their_shares() {
+        let read = |text: &str| text.parse::<Opponents>().unwrap();
+        assert_eq!(read("kite=0.1,hold=0.2"), read("hold=200,kite=100"));
+        assert_eq!(read("attack_move=2"), Opponents::default());
+        assert_ne!(read("kite=1,hold=2"), read("kite=1,hold=2.001"));
+        assert_ne!(read("kite=1,hold=2"), read("kite=1,line=2"));
+        assert_ne!(read("kite,hold"), read("kite"));
     }
 
     #[test]

@@ -2,8 +2,9 @@
 
 use super::super::CommandResult;
 use super::super::picture::write_file;
+use super::super::process::{Interrupted, interrupt_flag};
 use super::super::snapshot;
-use super::check_folder_of;
+use super::{check_file_of, check_folder_of};
 use smaclite_scenarios::Scenario;
 use smaclite_units::file::os::partial_folder;
 use smaclite_units::file::partial_file;
@@ -11,6 +12,7 @@ use smaclite_view::{Moment, Options, Picture, Renderer, write_gif};
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::sync::atomic::Ordering;
 
 /// What is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -79,7 +81,14 @@ pub(super) fn write(
     let n_frames = moments.len() + fps.round() as usize;
     let path = &to.path;
     match to.format {
-        Format::Gif => write_file(path, |output| write_gif(output, n_frames, &draw, fps)),
+        Format::Gif => {
+            // Drawn before the file is begun: a signal may end the program meanwhile.
+            check_file_of("--to", path)?;
+            let mut gif = Vec::new();
+            write_gif(&mut gif, n_frames, &draw, fps)
+                .map_err(|error| format!("{}: {error}", path.display()))?;
+            write_file(path, |output| output.write_all(&gif))
+        }
         Format::Mp4 => write_mp4(path, options, (0..n_frames).map(draw), fps),
         Format::Frames => write_folder(path, (0..moments.len()).map(draw)),
         Format::Page | Format::Snapshot => Err(format!("{} is not made of frames", to.format.name()).into()),
@@ -96,7 +105,11 @@ fn write_folder(folder: &Path, frames: impl ExactSizeIterator<Item = Picture>) -
     let parent = folder.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let partial = partial_folder().tempdir_in(parent).map_err(failed)?;
     let digits = frames.len().to_string().len();
+    let interrupted = interrupt_flag()?;
     for (i, frame) in frames.enumerate() {
+        if interrupted.load(Ordering::Relaxed) {
+            return Err(Interrupted.into());
+        }
         let file = partial.path().join(format!("{i:0digits$}.png"));
         write_file(&file, |output| frame.write_png(output)).map_err(|error| {
             let named = |path: &Path| path.display().to_string();
@@ -127,10 +140,15 @@ fn write_mp4(to: &Path, options: Options, frames: impl Iterator<Item = Picture>,
         _ => format!("ffmpeg: {error}"),
     })?;
     let mut written = Ok(());
+    let interrupted = interrupt_flag()?;
     if let Some(mut input) = child.stdin.take() {
-        written = frames.into_iter().try_for_each(|frame| input.write_all(frame.rgb()));
+        let frames = frames.into_iter().take_while(|_| !interrupted.load(Ordering::Relaxed));
+        written = { frames }.try_for_each(|frame| input.write_all(frame.rgb()));
     } // ffmpeg ends when its input is closed
     let status = child.wait()?;
+    if interrupted.load(Ordering::Relaxed) {
+        return Err(Interrupted.into());
+    }
     match (status.success(), written) {
         (true, Ok(())) => Ok(partial.persist(to).map_err(|error| format!("{}: {error}", to.display()))?),
         (true, Err(error)) => Err(format!("ffmpeg: {error}").into()),

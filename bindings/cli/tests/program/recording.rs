@@ -193,7 +193,7 @@ fn what_cannot_be_replayed_is_an_error() {
     fs::create_dir(folder.join("full")).expect("a folder");
     error("replay 3m.smreplay --to full", 1, "full: exists; --to must be a new folder");
     fs::create_dir(folder.join("folder.gif")).expect("a folder");
-    error("replay 3m.smreplay --to folder.gif", 1, "folder.gif: cannot write the picture: Is a directory");
+    error("replay 3m.smreplay --to folder.gif", 1, "--to folder.gif: is a directory");
 
     let bytes = fs::read(folder.join("3m.smreplay")).expect("the replay");
     fs::write(folder.join("short.smreplay"), &bytes[..bytes.len() / 2]).expect("a file");

@@ -182,6 +182,21 @@ fn runs_are_compared_that_were_evaluated_in_the_same_battles() {
     check_error(folder, "report script other --out all --skip-times", 1, "not the same battles");
 }
 
+/// Weights of opponents are shares: the runs have equal bits, and were not the same battles to the report.
+#[test]
+fn opponents_are_compared_by_their_shares() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let train = |options: &str| output(folder, &format!("train 3m {options} {SMALL}"));
+    train("--opponent kite=0.5,attack_move=0.5 --out a");
+    train("--opponent attack_move=2,kite=2 --out b");
+    train("--opponent attack_move=2,kite=1 --out c");
+    let episodes = |run: &str| fs::read(folder.join(run).join("evaluation_episodes.csv")).expect("episodes");
+    assert!(episodes("a") == episodes("b") && episodes("a") != episodes("c"));
+    output(folder, "report a b --out report --skip-times");
+    check_error(folder, "report a c --out report --skip-times", 1, "not the same battles");
+}
+
 #[test]
 fn errors_say_what_is_accepted() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -188,6 +188,36 @@ fn damaged_best_weights_are_written_anew() {
     output(folder, "train --resume run --steps 600");
     assert_eq!(output(folder, "evaluate run --episodes 8 --json"), played);
     assert!(folder.join("run/final.json").exists());
+    // Without a word, the last weights played, which may win nothing.
+    fs::remove_file(&best).expect("the best weights");
+    for command in ["evaluate run", "tournament run hold", "dataset record run --episodes 2 --out a.smdata"] {
+        let expected =
+            "`run` has no best.safetensors: it was evaluated, so they were lost; `train --resume` writes";
+        check_error(folder, command, 1, expected);
+    }
+    output(folder, "evaluate run --weights last --episodes 8");
+}
+
+/// Every interrupted call left a hidden file or folder beside what it was to write.
+#[test]
+fn an_interrupted_conversion_leaves_nothing() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    output(folder, "record 25m --policy hold --episodes 1 --out a.smreplay");
+    for (to, catches) in [("pictures", true), ("a.gif", false)] {
+        let mut convert = program(folder, &format!("replay a.smreplay --to {to} --size 2000x2000"));
+        let child = convert.stderr(Stdio::piped()).spawn().expect("the program starts");
+        while catches && !catches_interruptions(child.id()) {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        std::thread::sleep(Duration::from_millis(300));
+        let pid = rustix::process::Pid::from_child(&child);
+        rustix::process::kill_process(pid, Signal::TERM).expect("a signal");
+        let done = child.wait_with_output().expect("an end");
+        assert!(!done.status.success(), "{to}: {done:?}");
+        let left = fs::read_dir(folder).expect("a folder").count();
+        assert_eq!(left, 1, "{to}: only the replay");
+    }
 }
 
 /// With the status 0 and half of what was asked for, or without the file, when a pipe was closed.

@@ -76,6 +76,16 @@ fn the_snapshot_of_a_scenario_file_names_it() {
     check_error(folder, "show a.snapshot --scenario 3m", 1, other);
     check_error(folder, "show mine.json --scenario 3m", 1, "--scenario is for snapshots");
     output(folder, "record mine.json --from a.snapshot --out a.smreplay");
+    // Of both sides: the error was that of the first standard scenario which has agents alone.
+    let arena = Arena::new(&scenario, Rules::default()).with_sides(Sides::MIRRORED);
+    fs::write(folder.join("b.snapshot"), Battle::new(Arc::new(arena), 7).record()).expect("a file");
+    check_error(
+        folder,
+        "show b.snapshot",
+        1,
+        "`b.snapshot` is of no standard scenario: column 'scenario' is 0x",
+    );
+    output(folder, "show b.snapshot --scenario mine.json");
 }
 
 #[test]

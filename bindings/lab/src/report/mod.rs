@@ -88,7 +88,11 @@ impl Benchmark {
                 let of_kind = |run: &&EvaluatedRun| run.description.is_some() == by_program;
                 let described = self.runs_of(task).filter(of_kind).filter(|run| run.battles.is_some());
                 let described: Vec<_> = described.collect();
-                if let Some(pair) = described.windows(2).find(|pair| pair[0].battles != pair[1].battles) {
+                let opponents = |run: &EvaluatedRun| Some(run.description.as_ref()?.setup.opponents.clone());
+                let differ = |a: &EvaluatedRun, b: &EvaluatedRun| {
+                    a.battles != b.battles || opponents(a) != opponents(b)
+                };
+                if let Some(pair) = described.windows(2).find(|pair| differ(pair[0], pair[1])) {
                     let [first, second] = [&pair[0], &pair[1]].map(|run| run.folder.clone());
                     return Err(ReportError::OtherBattles { task: task.to_owned(), first, second });
                 }

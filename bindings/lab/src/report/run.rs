@@ -95,7 +95,8 @@ impl EvaluatedRun {
             vec![Described::by_other(&folder.join(DESCRIPTIONS[1]))?]
         };
         if let Some(run) = described.iter().find_map(|described| described.description.as_ref()) {
-            // A complete run that was resumed with more steps keeps its final episodes until it evaluates again.
+            // A complete run that was resumed with more steps keeps its final episodes until it evaluates
+            // again.
             if result.run_steps < run.config.steps {
                 return Err(incomplete());
             }
@@ -252,6 +253,7 @@ impl Described {
         let mut battles: Vec<Value> = [first].into_iter().chain(others).collect();
         for battles in &mut battles {
             without(&mut battles["files"], "source"); // where the file was, not what is in it
+            without(battles, "opponents"); // weights say the same in many ways: `description` has them
         }
         if let Enemies::Team { .. } = &run.config.enemies {
             // Not its folder, in which another one may be by now.

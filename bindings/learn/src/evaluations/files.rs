@@ -7,7 +7,7 @@
 
 use super::{EVALUATION_EPISODES, EvaluationRow, FinalResult, Summary, Trained};
 use crate::checkpoint::write_actor;
-use crate::description::BEST;
+use crate::description::{BEST, ROWS};
 use crate::policy::Choice;
 use crate::rollout::Episode;
 use crate::team::Network;
@@ -17,8 +17,7 @@ use std::fs::{self, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
-/// Names of the files.
-const ROWS: &str = "evaluations.csv";
+/// Names of the other files.
 const EPISODES: &str = "evaluation_episodes.csv";
 const WEIGHTS: &str = "evaluations";
 

@@ -78,10 +78,10 @@ class MultiAgentEnv(Queries, Details):
             for slow motion; None for no waiting.
 
     Raises Unavailable for options without a meaning here, ScenarioError for an invalid scenario or reward
-    option, and InvalidRequest for another invalid value, and for a scenario that SMAC's interface cannot tell:
-    with options of `smacv2` that give actions or health another meaning (`conic_fov`, `health`, `enemy_mask`,
-    hidden health, parts of observations), or with drawn types that observations do not tell. docs/reference/observations.md says how rewards are
-    computed.
+    option, and InvalidRequest for another invalid value, and for a scenario that SMAC's interface cannot
+    tell: with options of `smacv2` that give actions or health another meaning (`conic_fov`, `health`,
+    `enemy_mask`, hidden health, parts of observations), or with drawn types that observations do not tell.
+    docs/reference/observations.md says how rewards are computed.
 
     Shapes use A for `n_agents`, E for `n_enemies` and N for `n_actions`.
     """
