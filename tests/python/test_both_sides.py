@@ -125,6 +125,25 @@ def test_enemies_that_a_script_plays_have_no_last_actions() -> None:
         assert columns["last_action"].tolist() == [1, 1, 1, -1, -1, -1]
 
 
+def test_snapshots_are_the_same_whatever_enemies_see() -> None:
+    """Restored where sides are not mirrored, enemies had walked north that had walked south."""
+    options: dict[str, Any] = {"seed": 1, "sides": "both", "obs_last_actions": 2}
+    fields = ["enemy_obs", "enemy_state", "avail_actions", "enemy_avail_actions", "snapshot"]
+    with (
+        sp.make("3m", 1, mirror=True, fields=fields, **options) as mirrored,
+        sp.make("3m", 1, mirror=False, fields=fields, **options) as plain,
+    ):
+        mirrored.reset(), plain.reset()
+        for ours, theirs in [
+            ([1, 2, 2, 2, 4, 5], [1, 2, 2, 3, 5, 4]),
+            ([1, 1, 1, 3, 2, 2], [1, 1, 1, 2, 3, 3]),
+        ]:
+            saved, played = mirrored.step([ours]), plain.step([theirs]).copy()
+            assert np.array_equal(saved.snapshot, played["snapshot"])
+        restored = plain.reset(snapshots=saved.snapshot)
+        assert all(np.array_equal(restored[name], played[name]) for name in ("enemy_obs", "enemy_state"))
+
+
 def test_snapshots_and_replays_have_both_sides(tmp_path: Path) -> None:
     file = tmp_path / "both.smreplay"
     fields = ["snapshot", "opponent", "avail_actions", "enemy_avail_actions", "enemy_obs"]

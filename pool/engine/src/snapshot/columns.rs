@@ -126,9 +126,10 @@ columns! {
     NeighbourNumber "neighbour_number": I32 [Unit]
         "number in the order of removal of its plane, -1 for the dead",
     LastAction "last_action": I32 [Unit]
-        "last action of each agent and enemy, -1 after a reset and for enemies that no joint action plays",
+        "last action of each agent and enemy, with the map's directions also where sides are mirrored; -1 \
+         after a reset and for enemies that no joint action plays",
     PastActions "past_actions": I32 [Past, Unit]
-        "the last joint actions, the newest first; -1 for enemies that they do not play",
+        "the last joint actions as in `last_action`, the newest first; -1 for enemies that they do not play",
     UnitType "unit_type": U32 [Unit]
         "type of the unit, as an index into the scenario's types; drawn anew in generated scenarios",
     Alive "alive": Bool [Unit] "whether the unit is in the battle",

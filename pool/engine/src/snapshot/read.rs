@@ -86,7 +86,12 @@ impl Snapshot {
         refill(&mut self.types, layout.get_by_id(record, Column::UnitType, arena));
         self.check_types(arena)?;
         self.neighbour_order.read(arena, &self.types, &layout, record)?;
-        refill(&mut self.last_actions, numbers(&layout, record, Column::LastAction)?);
+        let last_actions = numbers(&layout, record, Column::LastAction)?.enumerate();
+        refill(
+            &mut self.last_actions,
+            last_actions
+                .map(|(place, action)| action.map(|action| in_battle(arena, place, action as i32) as u32)),
+        );
         let at = StreamPosition {
             seed: layout.get_one(record, Column::Seed),
             draws: layout.get_one(record, Column::Draws),
@@ -207,6 +212,13 @@ impl NeighbourOrder {
     }
 }
 
+/// The action of a unit with the directions of the map, of one with those that its side sees; and the other
+/// way round. Records are the same whatever enemies see.
+pub(super) fn in_battle(arena: &Arena, place: usize, action: i32) -> i32 {
+    let is_reflected = place >= arena.agents.len() && arena.sides().mirror();
+    if is_reflected && action >= 0 { action::mirrored(action as usize) as i32 } else { action }
+}
+
 /// A column of numbers, -1 for none.
 fn numbers<'a>(
     layout: &RecordLayout,
@@ -270,7 +282,7 @@ fn read_past_actions(
         }
         if i % n_units < n_actors {
             // Enemies that a script plays have none.
-            past_actions.push(action.max(action::NO_OP as i32));
+            past_actions.push(in_battle(arena, i % n_units, action).max(action::NO_OP as i32));
         }
     }
     Ok(())

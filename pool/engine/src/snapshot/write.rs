@@ -2,6 +2,7 @@
 
 use super::Snapshot;
 use super::columns::{COLUMN_COUNT, Column};
+use super::read::in_battle;
 use super::record::{MAGIC, RECORD_VERSION, RecordLayout, RecordSizes};
 use crate::arena::Arena;
 use crate::battle::Battle;
@@ -48,7 +49,8 @@ impl<T: Fn(usize) -> u32, P: Iterator<Item = u64>> State<'_, T, P> {
             self.write_phases(layout, arena, record);
         }
         let number = |number: &Option<u32>| number.map_or(-1, |number| number as i32);
-        layout.put_each(record, Column::LastAction, self.last_actions.iter().map(number));
+        let in_battle = |(place, action)| in_battle(arena, place, number(action));
+        layout.put_each(record, Column::LastAction, self.last_actions.iter().enumerate().map(in_battle));
         self.write_past_actions(layout, arena, past_actions, record);
         self.write_neighbour_order(layout, arena, record);
         layout.put_each(record, Column::Perception, self.perception);
@@ -110,7 +112,9 @@ impl<T: Fn(usize) -> u32, P: Iterator<Item = u64>> State<'_, T, P> {
         let rows = past.chunks_exact_mut((n_agents + n_enemies) * size_of::<i32>());
         for (row, actions) in rows.zip(past_actions.chunks_exact(n_actors)) {
             let played = &actions[..n_played];
-            row[..size_of_val(played)].copy_from_slice(bytemuck::cast_slice(played));
+            for (place, (out, action)) in row.chunks_exact_mut(size_of::<i32>()).zip(played).enumerate() {
+                out.copy_from_slice(&in_battle(arena, place, *action).to_le_bytes());
+            }
         }
     }
 
