@@ -185,6 +185,9 @@ def test_a_masked_reset_leaves_the_others_alone() -> None:
                 envs.reset(options={"reset_mask": wrong})
         with pytest.raises(sp.errors.InvalidRequest, match="one per environment, 3; got 1"):
             envs.reset(seed=[5], options={"reset_mask": mask})
+        # The number was that among the selected ones.
+        with pytest.raises(sp.errors.InvalidRequest, match=r"seed\[2\] must not be negative, got -3"):
+            envs.reset(seed=[*range(len(mask) - 1), -3], options={"reset_mask": mask})
 
 
 def test_arrays_are_copies_unless_copy_is_false() -> None:

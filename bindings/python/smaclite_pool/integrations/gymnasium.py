@@ -49,7 +49,7 @@ from .._render import (
     check_render_mode,
     check_render_speed,
 )
-from .._requirements import require_names, require_synchronous
+from .._requirements import require_integer, require_names, require_synchronous
 from ..errors import InvalidRequest
 from ._common import (
     FIXED_SETTINGS,
@@ -196,6 +196,8 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
                     raise InvalidRequest(
                         f"seed must have one per environment, {self.num_envs}; got {len(seed)}"
                     )
+                # Here, where an error says which one of all.
+                seed = [s if s is None else require_integer(f"seed[{i}]", s, 0) for i, s in enumerate(seed)]
                 seed = [own for own, is_reset in zip(seed, present, strict=True) if is_reset]
             batch = self._envs.reset(seed, present)
         self._keep(batch)
