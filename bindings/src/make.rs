@@ -70,7 +70,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 ///     obs_agent_id: whether an agent observes its own number, as a one-hot vector of `n_agents` at the end.
 ///     max_held_batches: number of batches that the learner may hold at the same time, 2 to 1024.
 ///     spectators: number of spectators at the same time, 0 to 64, such as `smaclite-pool watch`; each needs
-///         shared memory for two more batches.
+///         shared memory for some more batches (docs/concepts/batches.md).
 ///     wait: how the learner and idle workers wait: "adaptive" (spin briefly, then block), "spin" or "block".
 ///     name: the pool's name; a unique one by default.
 ///     record: a file, `NAME.smreplay`, to which `close` writes a replay of the last 100 episodes of

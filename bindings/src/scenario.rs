@@ -23,7 +23,8 @@ use smaclite_units::{Plane, Targeter, UnitType};
 ///         row first), `attack_point` ([x, y]), `num_unit_types` (length of the type one-hot, 0 for none),
 ///         `ally_has_shields` and `enemy_has_shields` (whether observations and state contain them),
 ///         `episode_limit` (steps or None), `teams_are_drawn` (whether each episode draws the types of the
-///         units; then `allies` and `enemies` are one sample), `unit_types`, `actions` (the names of an
+///         units; then `allies` and `enemies` are one sample), `smacv2` (all options of SMACv2's interface,
+///         or None without that key), `unit_types`, `actions` (the names of an
 ///         agent's actions), `allies`, `enemies`, `obs_layout` and `state_layout`. `unit_types` is a list of
 ///         dicts, each with `unit_type`, `type_id` (index in the one-hot), `sight_range` (squares, by which
 ///         agents of the type see distances divided), `targeting_range` (squares, within which they can
@@ -33,7 +34,7 @@ use smaclite_units::{Plane, Targeter, UnitType};
 ///         lists of dicts, by id, with the same keys and `position` ([x, y] at the start). `obs_layout` and
 ///         `state_layout` are lists of dicts, the parts of an observation and of the state in order, each
 ///         with `name`, `start` (index of its first feature), `shape` ([features], or [units, features]),
-///         `features` (their names), and `low` and `high` (their least and greatest values).
+///         `features` (their names), and `low` and `high` (bounds of their values).
 ///
 /// Raises:
 ///     ScenarioError: the scenario is unknown, or its file or a unit file is invalid.

@@ -112,9 +112,11 @@ fields! {
     AvailActions "avail_actions": Bool [Agent, Action] "which actions are available in the next step",
     Alive "alive": Bool [Agent] "which agents are alive",
     Reward "reward": F32 [] "team reward of the step just made",
-    Terminated "terminated": Bool [] "the step ended the battle: all units of one side are dead",
+    Terminated "terminated": Bool []
+        "the step ended the battle: all units of one side are dead, with SMACv2's interface all but healers",
     Truncated "truncated": Bool [] "the step reached the episode limit with both sides alive",
-    BattleWon "battle_won": Bool [] "the step ended the battle in a victory of the agents",
+    BattleWon "battle_won": Bool []
+        "all enemies are dead at its end; with SMACv2's interface all but healers, and some agent is not",
     DeadAllies "dead_allies": I32 [] "agents that died so far in the episode",
     DeadEnemies "dead_enemies": I32 [] "enemies that died so far in the episode",
     EpisodeReturn "episode_return": F32 [] "sum of rewards so far; on an episode's last step its total",

@@ -112,6 +112,31 @@ def test_an_evaluation_counts_the_first_episodes_of_every_environment() -> None:
         assert result.mean_length == result.lengths.mean()
 
 
+def test_who_has_won_if_the_last_units_die_together(tmp_path: Path) -> None:
+    """With SMACv2's interface it was a defeat, and against a trained team of a lane a victory."""
+    groups = [
+        {"x": x, "y": 16, "faction": faction, "units": {"BANELING": 1}}
+        for x, faction in [(15, "ALLY"), (17, "ENEMY")]
+    ]
+    scenario = {
+        "name": "banelings", "num_allied_units": 1, "num_enemy_units": 1, "groups": groups,
+        "attack_point": [15, 16], "terrain": ["_" * 32] * 32, "num_unit_types": 0,
+        "ally_has_shields": False, "enemy_has_shields": False, "episode_limit": 50,
+    }  # fmt: skip
+    path = tmp_path / "banelings.json"
+    path.write_text(json.dumps(scenario))
+
+    def rates(against: Any = None, **options: Any) -> tuple[float, float, float]:
+        with sp.make(path, 2, seed=1, **options) as envs:
+            result = sp.evaluate(envs, "nearest", 4, seed=1, against=against)
+            return result.win_rate, result.draw_rate, result.loss_rate
+
+    assert rates() == (1, 0, 0)
+    assert rates(smacv2={}) == (0, 1, 0)
+    assert rates(sides="both", against="nearest") == (0, 1, 0)
+    assert rates(opponent="zoo:all-maps") == (0, 1, 0)
+
+
 def test_errors_of_an_evaluation() -> None:
     with sp.make("3m", 2, autoreset_mode="Disabled") as envs:
         policy = sp.ScriptedPolicy("nearest", envs)

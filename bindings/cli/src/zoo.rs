@@ -19,8 +19,9 @@ and train --resume do not take it:
 With --export, its files are written to a folder, which the playground opens, too:
   smaclite-pool zoo --export 3m teams/3m
 
-Teams of one map were trained with --network flat for two million steps, all-maps by train --maps;
-wins are those of the final evaluation, of all-maps the mean over the maps of SMAC (--json has each).")]
+Teams of one map were trained with --network flat and former defaults for two million steps,
+all-maps by train --maps; wins are those of the final evaluation, of all-maps the mean over the maps
+of SMAC (--json has each).")]
 pub(super) struct Zoo {
     /// Print one JSON object per team
     #[arg(long)]

@@ -81,9 +81,9 @@ def evaluate(
         print(result.win_rate, result.mean_return)
 
     Args:
-        envs: the environments, or a wrapper of them, with the fields `battle_won`, `episode_return` and
-            `episode_length`, and with autoreset. All of them are reset first; afterwards they are somewhere
-            in an episode.
+        envs: the environments, or a wrapper of them, with the fields `battle_won`, `dead_allies`,
+            `dead_enemies`, `episode_return` and `episode_length`, and with autoreset. All of them are reset
+            first; afterwards they are somewhere in an episode.
         policy: a function from a batch to its actions, integers [M, n_agents], such as a team; or the name of
             a scripted policy. Whether it draws actions or takes the most probable ones is its own matter.
         episodes: how many episodes count, at least 1.
@@ -92,9 +92,11 @@ def evaluate(
             by new random seeds in every call.
         against: who plays the enemies, as `policy`, in environments that `sides="both"` made. The function
             gets batches as the enemies see them: `obs`, `state`, `avail_actions`, `alive` and `reward` are
-            those of `enemy_obs` and so on. With `mirror=True` a team can play either side. An episode whose
-            last units die in the same step is a draw then; else the agents have won it, as in SMAC. This
-            needs the field `dead_allies`.
+            those of `enemy_obs` and so on. With `mirror=True` a team can play either side.
+
+    Where a policy or a trained team plays the enemies (`against`, `make(opponent="zoo:3m")`), an episode
+    whose last units die in the same step is a draw; else the agents have won it, as in SMAC, or nobody, with
+    SMACv2's interface.
 
     Raises:
         InvalidRequest: `episodes` is below 1, the environments have no autoreset or no episode limit, or
@@ -111,15 +113,16 @@ def evaluate(
     quota[: episodes % spec.num_envs] += 1
     counts = np.zeros(spec.num_envs, np.int64)
     counted: list[tuple[int, int, float, int, bool, bool]] = []
+    teams_meet = against is not None or spec.opponent_team is not None
     batch = envs.reset(seed=seed)
     while True:
         for slot in np.flatnonzero(batch.terminated | batch.truncated):
             env = int(batch.env_id[slot])
             if counts[env] < quota[env]:
-                won = bool(batch.battle_won[slot])
-                lost = bool(batch.terminated[slot]) and not won
-                if against is not None and won:
-                    won = bool(batch.dead_allies[slot] < spec.n_agents)
+                dead = (batch.dead_allies[slot], batch.dead_enemies[slot])
+                is_draw = dead == (spec.n_agents, spec.n_enemies)
+                won = bool(batch.battle_won[slot]) and not (is_draw and teams_meet)
+                lost = bool(batch.terminated[slot]) and not won and not is_draw
                 result = (batch.episode_return[slot], batch.episode_length[slot], won, lost)
                 counted.append((env, int(counts[env]), *result))
             counts[env] += 1

@@ -135,13 +135,13 @@ class Batch:
         """float32 [M]: team reward of the step just made."""
     @property
     def terminated(self) -> NDArray[np.bool_]:
-        """bool [M]: the step ended the battle: all units of one side are dead."""
+        """bool [M]: the step ended the battle: one side is dead; with SMACv2's interface, all but healers."""
     @property
     def truncated(self) -> NDArray[np.bool_]:
         """bool [M]: the step reached the episode limit with both sides alive."""
     @property
     def battle_won(self) -> NDArray[np.bool_]:
-        """bool [M]: the step ended the battle and the agents won."""
+        """bool [M]: the step ended the battle and the agents won: all enemies are dead."""
     @property
     def dead_allies(self) -> NDArray[np.int32]:
         """int32 [M]: agents that died so far in the episode."""
