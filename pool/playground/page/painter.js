@@ -66,6 +66,7 @@ export class Painter {
     const { page } = this;
     const hasFocus = byId("brush").contains(document.activeElement);
     this.isOn = false;
+    if (byId("note").textContent === GUIDE) byId("note").hidden = true;
     this.giveUp();
     this.square = null;
     if (this.hasFitted && page.view.wholeMap) page.fit();

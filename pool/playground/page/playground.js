@@ -4,7 +4,7 @@
 
 import { titleCase } from "#view/battle.js";
 import { Commander } from "#view/commander.js";
-import { byId } from "#view/dom.js";
+import { byId, messageOf, showMessage } from "#view/dom.js";
 import { everyFrame } from "#view/frames.js";
 import { ObservationCard } from "#view/observation.js";
 import { Track, bytesOf } from "#view/track.js";
@@ -474,8 +474,7 @@ export class Playground extends Commander {
   fail(error) {
     this.clock.playing = false;
     if (error instanceof EngineLost) return;
-    byId("message").hidden = false;
-    byId("message").textContent = error instanceof Error ? error.message : String(error);
+    showMessage(messageOf(error));
     this.redraw();
   }
 

@@ -206,7 +206,7 @@ impl Session {
 fn episode_info(episode: &Episode) -> EpisodeInfo {
     EpisodeInfo {
         seed: episode.start.seed.to_string(),
-        steps: episode.n_steps(),
+        steps: episode.outcome.steps as usize,
         episode_return: episode.outcome.episode_return,
         result: episode.outcome.result(),
         checksum: format!("{:016x}", episode.checksum),

@@ -67,6 +67,17 @@ export function make(tag, properties = {}, children = []) {
 }
 
 /**
+ * Says something until the person goes on.
+ * @param {string} text
+ */
+export function showMessage(text) {
+  byId("message").textContent = text;
+  byId("message").hidden = false;
+  const hide = () => (byId("message").hidden = true);
+  for (const event of ["pointerdown", "keydown"]) addEventListener(event, hide, { once: true });
+}
+
+/**
  * What a caught value says.
  * @param {unknown} error
  */

@@ -58,6 +58,13 @@ export class Inspector {
     }
   }
 
+  /** Shows nothing until the next update: another battle begins. */
+  forget() {
+    this.use(this.info);
+    byId("unit").replaceChildren();
+    for (const faction of [0, 1]) byId(`alive${faction}`).replaceChildren();
+  }
+
   /** @param {number} unit */
   makeChip(unit) {
     const type = this.info.types[this.info.units[unit].type];
@@ -116,7 +123,7 @@ export class Inspector {
     const health = !alive
       ? "dead"
       : isShown
-        ? `${Math.round(track.hp[at])} of ${type.hp} health`
+        ? `${Math.ceil(track.hp[at])} of ${type.hp} health`
         : "out of sight";
     chip.button.setAttribute("aria-label", `${unitName(this.info, unit)}, ${health}`);
   }

@@ -22,6 +22,15 @@ export class ObservationCard {
     this.observe = observe;
     this.shown = "";
     this.asked = -OBSERVE_EVERY;
+    /** Counts the battles, so that a late answer about an earlier one is not shown. */
+    this.battle = 0;
+  }
+
+  /** Shows nothing until the next update: another battle begins. */
+  forget() {
+    this.battle++;
+    this.shown = "";
+    this.element.replaceChildren();
   }
 
   /**
@@ -36,7 +45,7 @@ export class ObservationCard {
       this.shown = "";
       return;
     }
-    const key = [episode, step, id].join(),
+    const key = [this.battle, episode, step, id].join(),
       now = performance.now();
     if (key === this.shown || now - this.asked < OBSERVE_EVERY || !isKnown) return;
     [this.shown, this.asked] = [key, now];

@@ -2,7 +2,7 @@
 // The page of a replay: reads the data in the document, and lists its episodes.
 
 import { readAddress } from "./address.js";
-import { all, byId, make } from "./dom.js";
+import { all, byId, make, showMessage } from "./dom.js";
 import { everyFrame } from "./frames.js";
 import { counted } from "./numbers.js";
 import { BattlePlayer, RESULTS } from "./player.js";
@@ -37,20 +37,9 @@ class ReplayPage extends BattlePlayer {
     this.seek(first.tick);
     if (first.unit >= 0) this.select(first.unit);
     if (first.plays) this.toggle();
-    if (first.problem) this.say(`The address cannot be followed: ${first.problem}.`);
+    if (first.problem) showMessage(`The address cannot be followed: ${first.problem}.`);
     everyFrame((now) => this.frame(now));
     document.documentElement.dataset.ready = "";
-  }
-
-  /**
-   * Says something until the person goes on.
-   * @param {string} text
-   */
-  say(text) {
-    byId("message").textContent = text;
-    byId("message").hidden = false;
-    const hide = () => (byId("message").hidden = true);
-    for (const event of ["pointerdown", "keydown"]) addEventListener(event, hide, { once: true });
   }
 
   /**

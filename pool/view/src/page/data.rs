@@ -216,7 +216,7 @@ pub(super) fn episode(replay: &Replay, index: usize) -> Result<EpisodeData, Repl
     Ok(EpisodeData {
         seed: episode.start.seed.to_string(),
         draws: episode.start.draws,
-        steps: episode.n_steps() as u32,
+        steps: outcome.steps,
         episode_return: outcome.episode_return,
         result: outcome.result().map_or("unfinished", EpisodeResult::name),
         dead: [outcome.dead_allies, outcome.dead_enemies],

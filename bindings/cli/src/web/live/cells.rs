@@ -14,6 +14,8 @@ pub(super) struct Cells {
     cells: Vec<Cell>,
     /// The frame that was taken last.
     sequence: u64,
+    /// The first of the frames up to that one of which none was missed.
+    unbroken: u64,
 }
 
 /// An environment.
@@ -25,7 +27,7 @@ struct Cell {
     episode_return: Option<f32>,
     /// How the episode ended that the row shows the end of.
     outcome: Option<EpisodeResult>,
-    /// How the last episode ended whose end was seen.
+    /// How the last episode ended; `None` if its end may have been missed.
     last_outcome: Option<EpisodeResult>,
     state: Vec<f32>,
     /// The encoded moment of the state.
@@ -36,13 +38,16 @@ struct Cell {
 
 impl Cells {
     pub(super) fn new(num_envs: usize) -> Cells {
-        Cells { cells: vec![Cell::default(); num_envs], sequence: 0 }
+        Cells { cells: vec![Cell::default(); num_envs], sequence: 0, unbroken: 0 }
     }
 
     /// Takes the rows of a frame.
     pub(super) fn take(&mut self, batch: &Batch) {
         if batch.sequence() == self.sequence {
             return;
+        }
+        if batch.sequence() != self.sequence + 1 {
+            self.unbroken = batch.sequence();
         }
         self.sequence = batch.sequence();
         let lengths = batch.field::<i32>(Field::EpisodeLength);
@@ -54,8 +59,12 @@ impl Cells {
             let Some(cell) = usize::try_from(env).ok().and_then(|env| self.cells.get_mut(env)) else {
                 continue; // a reset of some environments leaves slots empty
             };
+            let length = lengths.map(|lengths| lengths[slot]);
+            if cell.sequence < self.unbroken && !cell.goes_on(length, batch.sequence()) {
+                cell.last_outcome = None;
+            }
             cell.sequence = batch.sequence();
-            cell.length = lengths.map(|lengths| lengths[slot]);
+            cell.length = length;
             cell.episode_return = returns.map(|returns| returns[slot]);
             cell.outcome = match (batch.terminated()[slot], batch.truncated()[slot]) {
                 (0, 0) => None,
@@ -83,6 +92,16 @@ impl Cells {
 }
 
 impl Cell {
+    /// Whether each of the frames since the one that showed it, of which some were missed, had one more step
+    /// of its episode, or of the next one if that frame showed an end. Else another end may have been missed.
+    fn goes_on(&self, length: Option<i32>, sequence: u64) -> bool {
+        let (Some(before), Some(now)) = (self.length, length) else { return false };
+        let frames = i64::try_from(sequence.saturating_sub(self.sequence)).unwrap_or(i64::MAX);
+        let (before, now) = (i64::from(before), i64::from(now));
+        // The first frame of an episode may be the one of its reset, which is no step.
+        if self.outcome.is_some() { now >= frames - 1 } else { now - before == frames }
+    }
+
     fn news(&mut self, env: usize, battles: &Battles) -> GridCell {
         if self.encoded.is_none() && !self.state.is_empty() {
             let mut moment = Moment::from_state(&battles.scenario, &self.state);

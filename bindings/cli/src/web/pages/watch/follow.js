@@ -88,6 +88,8 @@ export class FollowPlayer extends BattlePlayer {
     this.env = env;
     this.began = performance.now();
     this.view.track = this.chart.track = new Track(this.info);
+    this.inspector.forget();
+    this.observation.forget();
     this.clock.playing = true;
     byId("result").textContent = "Waiting";
     byId("result").className = "badge";
