@@ -520,6 +520,8 @@ impl Envs {
     /// Raises:
     ///     Busy: another thread is using these environments.
     ///     OSError: the replay cannot be written. The environments are closed.
+    ///     PoolError: the pool has not answered for 10 seconds, so the replay of `record` is lost. The
+    ///         environments are closed.
     fn close(&self, py: Python<'_>) -> PyResult<()> {
         let closed = interruptible(py, |interrupted| Ok(self.shared.close_if_idle(interrupted)))?;
         let busy = "another thread is using these environments; close them after its call has returned";

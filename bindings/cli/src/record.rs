@@ -18,7 +18,7 @@ use smaclite_view::{Recorder, Replay, SUFFIX};
 use std::error::Error;
 use std::path::PathBuf;
 use std::sync::atomic::Ordering;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 #[derive(Args)]
 #[command(after_help = "\
@@ -72,6 +72,9 @@ pub(super) struct Record {
 
 /// How often a running pool is read.
 const READ_INTERVAL: Duration = Duration::from_millis(50);
+
+/// How long a pool is waited for after a signal.
+const LAST_READ: Duration = Duration::from_millis(500);
 
 /// Why a recording is not complete, if it is not.
 type WhyEarly = Option<Box<dyn Error>>;
@@ -166,6 +169,9 @@ impl Record {
                 Err(error) => why_early = Some(error.into()),
             }
             if interrupted.load(Ordering::Relaxed) {
+                // What the pool still has; one that does not answer is not waited for.
+                let end = Instant::now() + LAST_READ;
+                let _ = recorder.read(WaitOptions::interrupted_by(&mut || Instant::now() > end));
                 why_early.get_or_insert(Interrupted.into());
             }
         }
