@@ -54,8 +54,9 @@ impl CapabilityBattle {
                 ScenarioFiles { source, text, unit_files: Vec::new() }
             }
         };
-        let options = smacv2.map(json).transpose()?;
-        let options = options.and_then(|options| serde_json::from_str(&options).ok());
+        // What Python writes for NaN is no JSON.
+        let read = |options: String| serde_json::from_str(&options).map_err(invalid);
+        let options = smacv2.map(json).transpose()?.map(read).transpose()?;
         let files = files.with_keys(options.map(|options| ("smacv2".to_owned(), options)));
         let (scenario, arena) = BattleSetup::new(files).arena().map_err(invalid)?;
         if arena.interface().is_none() {

@@ -116,7 +116,7 @@ fields! {
         "the step ended the battle: all units of one side are dead, with SMACv2's interface all but healers",
     Truncated "truncated": Bool [] "the step reached the episode limit with both sides alive",
     BattleWon "battle_won": Bool []
-        "all enemies are dead at its end; with SMACv2's interface all but healers, and some agent is not",
+        "all enemies are dead at its end; with SMACv2's interface all but healers, and not if all agents are",
     DeadAllies "dead_allies": I32 [] "agents that died so far in the episode",
     DeadEnemies "dead_enemies": I32 [] "enemies that died so far in the episode",
     EpisodeReturn "episode_return": F32 [] "sum of rewards so far; on an episode's last step its total",

@@ -180,6 +180,14 @@ def test_the_time_is_double_in_the_published_code_only() -> None:
         assert obs.dtype == kind and (obs[-1] == 1 / 3) is np.bool_(published)
 
 
+def test_options_that_json_cannot_say_are_refused() -> None:
+    for name in ("3m", "10gen_terran"):
+        with pytest.raises(sp.errors.ScenarioError):
+            StarCraft2Env(
+                name, capability_config=standard() if "gen" in name else None, reward_win=float("nan")
+            )
+
+
 @pytest.mark.parametrize("name", ["corridor", "bane_vs_bane", "2s_vs_1sc", "MMM2"])
 def test_maps_of_smac_have_the_battles_of_make(name: str) -> None:
     """Where a map lists its enemies first, units had other ids, and battles other bits."""

@@ -154,16 +154,15 @@ fn find_scenario(
     let mut other = None;
     for name in names {
         let setup = resolve_scenario(name, rules)?;
-        let has_two_sides = has_two_sides(layout, bytes);
-        if has_two_sides && named.is_none() && setup.files.scenario().is_ok_and(|read| read.smacv2.is_some())
-        {
-            continue; // its battles have one side
-        }
-        let setup = match has_two_sides {
+        let setup = match has_two_sides(layout, bytes) {
             true => setup.with_sides(Sides::Both(EnemySide::default())),
             false => setup,
         };
-        let (scenario, arena) = setup.arena().map_err(ScenarioError::from)?;
+        let (scenario, arena) = match setup.arena() {
+            Ok(played) => played,
+            Err(_) if named.is_none() => continue, // a standard one, whose battles have one side
+            Err(problems) => return Err(ScenarioError::from(problems).into()),
+        };
         let found = (setup, scenario, arena);
         if found.2.scenario_hash() == hash {
             return Ok(found);

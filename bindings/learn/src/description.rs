@@ -21,7 +21,7 @@ pub(crate) const WEIGHTS: &str = "weights.safetensors";
 pub(crate) const BEST: &str = "best.safetensors";
 
 /// Its evaluations while it trained.
-pub(crate) const ROWS: &str = "evaluations.csv";
+pub(crate) const EVALUATIONS: &str = "evaluations.csv";
 
 /// The folder, in that of a run, of the team that plays the enemies.
 pub const OPPONENT: &str = "opponent";
@@ -30,7 +30,7 @@ pub const OPPONENT: &str = "opponent";
 pub const DESCRIPTIONS: [&str; 2] = ["run.json", "options.json"];
 
 /// Files of results, and of what a run is continued from: nothing replaces or overlooks them.
-const PRECIOUS: [&str; 3] = ["final.json", ROWS, "checkpoint.safetensors"];
+const PRECIOUS: [&str; 3] = ["final.json", EVALUATIONS, "checkpoint.safetensors"];
 
 /// The log of a run, which is empty until its first update.
 pub(crate) const LOG: &str = "log.csv";
@@ -290,14 +290,14 @@ impl Weights {
     /// learn to beat.
     pub fn of(folder: &Path, run: &RunDescription) -> Weights {
         let is_self_play = matches!(run.config.enemies, Enemies::SelfPlay(_));
-        let is_evaluated = [BEST, ROWS].iter().any(|name| exists(&folder.join(name)));
+        let is_evaluated = [BEST, EVALUATIONS].iter().any(|name| exists(&folder.join(name)));
         if !is_self_play && is_evaluated { Weights::Best } else { Weights::Last }
     }
 
     /// Says why a run has no such weights, if there is a reason other than damage.
     fn check_kept(self, folder: &Path) -> Result<(), FileError> {
         let why = match self {
-            Weights::Best if exists(&folder.join(ROWS)) => {
+            Weights::Best if exists(&folder.join(EVALUATIONS)) => {
                 "it was evaluated, so they were lost; `train --resume` writes them again, or choose the last \
                  weights"
             }

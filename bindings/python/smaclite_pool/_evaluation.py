@@ -95,8 +95,8 @@ def evaluate(
             those of `enemy_obs` and so on. With `mirror=True` a team can play either side.
 
     Where a policy or a trained team plays the enemies (`against`, `make(opponent="zoo:3m")`), an episode
-    whose last units die in the same step is a draw; else the agents have won it, as in SMAC, or nobody, with
-    SMACv2's interface.
+    whose last units die in the same step is a draw; else the agents have won it, as in SMAClite, or nobody,
+    with SMACv2's interface.
 
     Raises:
         InvalidRequest: `episodes` is below 1, the environments have no autoreset or no episode limit, or

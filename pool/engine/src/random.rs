@@ -11,7 +11,7 @@ use rand_pcg::Pcg64;
 
 /// A random generator with the output of `numpy.random.Generator(PCG64(seed))`.
 ///
-/// Equal generators have equal further outputs. It is serialised as its [`StreamPosition`].
+/// Equal generators have equal further outputs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Generator {
     pcg: Pcg64,
@@ -54,12 +54,6 @@ impl From<StreamPosition> for Generator {
             generator.high_half = Some(high);
         }
         Generator { position, ..generator }
-    }
-}
-
-impl From<Generator> for StreamPosition {
-    fn from(generator: Generator) -> StreamPosition {
-        generator.position
     }
 }
 

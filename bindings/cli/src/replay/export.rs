@@ -103,9 +103,9 @@ fn write_folder(folder: &Path, frames: impl ExactSizeIterator<Item = Picture>) -
     }
     // Whole or not at all: in another folder, which gets the name at the end.
     let parent = folder.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let interrupted = interrupt_flag()?;
     let partial = partial_folder().tempdir_in(parent).map_err(failed)?;
     let digits = frames.len().to_string().len();
-    let interrupted = interrupt_flag()?;
     for (i, frame) in frames.enumerate() {
         if interrupted.load(Ordering::Relaxed) {
             return Err(Interrupted.into());
@@ -128,6 +128,7 @@ fn write_mp4(to: &Path, options: Options, frames: impl Iterator<Item = Picture>,
     command.args(["-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", &size, "-r", &rate]);
     // Players need yuv420p, and that needs even sides.
     command.args(["-i", "-", "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p", "-y"]);
+    let interrupted = interrupt_flag()?;
     let partial = partial_file(to, ".mp4").map_err(|error| format!("{}: {error}", to.display()))?;
     let partial = partial.into_temp_path();
     let mut file = std::ffi::OsString::from("file:"); // a name with a colon or a dash is a name
@@ -140,10 +141,9 @@ fn write_mp4(to: &Path, options: Options, frames: impl Iterator<Item = Picture>,
         _ => format!("ffmpeg: {error}"),
     })?;
     let mut written = Ok(());
-    let interrupted = interrupt_flag()?;
     if let Some(mut input) = child.stdin.take() {
-        let frames = frames.into_iter().take_while(|_| !interrupted.load(Ordering::Relaxed));
-        written = { frames }.try_for_each(|frame| input.write_all(frame.rgb()));
+        let mut frames = frames.take_while(|_| !interrupted.load(Ordering::Relaxed));
+        written = frames.try_for_each(|frame| input.write_all(frame.rgb()));
     } // ffmpeg ends when its input is closed
     let status = child.wait()?;
     if interrupted.load(Ordering::Relaxed) {

@@ -8,7 +8,6 @@ use crate::number::count;
 use clap::builder::{PathBufValueParser, TypedValueParser};
 use clap::{Args, ValueHint};
 use export::{Format, Target};
-use smaclite_engine::{RecordLayout, RecordSizes};
 use smaclite_units::file::check_writable;
 use smaclite_view::{Episode, Options, Replay as ReplayFile, View};
 use std::path::{Path, PathBuf};
@@ -125,10 +124,7 @@ impl Replay {
         let failed = |error| format!("{}: {error}", self.file.display());
         let mut player = replay.play(self.episode.unwrap_or(0)).map_err(failed)?;
         player.seek(self.step.unwrap_or(0)).map_err(failed)?;
-        let layout = RecordLayout::new(RecordSizes::new(&replay.arena().sizes(), 0));
-        let mut record = vec![0; layout.size()];
-        player.battle().write_record(&layout, &[], &mut record);
-        write_file(to, |output| output.write_all(&record))
+        write_file(to, |output| output.write_all(&player.battle().record()))
     }
 
     /// Plays all episodes again, and prints what they are.

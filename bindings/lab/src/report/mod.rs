@@ -88,7 +88,8 @@ impl Benchmark {
                 let of_kind = |run: &&EvaluatedRun| run.description.is_some() == by_program;
                 let described = self.runs_of(task).filter(of_kind).filter(|run| run.battles.is_some());
                 let described: Vec<_> = described.collect();
-                let opponents = |run: &EvaluatedRun| Some(run.description.as_ref()?.setup.opponents.clone());
+                let opponents =
+                    |run: &EvaluatedRun| run.description.as_ref().map(|run| run.setup.opponents.clone());
                 let differ = |a: &EvaluatedRun, b: &EvaluatedRun| {
                     a.battles != b.battles || opponents(a) != opponents(b)
                 };

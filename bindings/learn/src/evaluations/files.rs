@@ -7,7 +7,7 @@
 
 use super::{EVALUATION_EPISODES, EvaluationRow, FinalResult, Summary, Trained};
 use crate::checkpoint::write_actor;
-use crate::description::{BEST, ROWS};
+use crate::description::{BEST, EVALUATIONS};
 use crate::policy::Choice;
 use crate::rollout::Episode;
 use crate::team::Network;
@@ -62,7 +62,7 @@ impl EvaluationFiles {
         let episodes = read_lines(&files.folder.join(EPISODES))?;
         let of_rows = episodes.lines().filter(|line| first_number(line).is_some_and(stays));
         let episodes = of_rows.fold(EPISODE_COLUMNS.to_owned(), |text, line| text + line + "\n");
-        for (name, text) in [(ROWS, header + &lines), (EPISODES, episodes)] {
+        for (name, text) in [(EVALUATIONS, header + &lines), (EPISODES, episodes)] {
             crate::tensors::write(&files.folder.join(name), text.as_bytes())?;
         }
         for path in weights_in(&files.folder.join(WEIGHTS))? {
@@ -76,7 +76,7 @@ impl EvaluationFiles {
     /// Every row that was written before the checkpoint must be there: those of the step counts that were
     /// reached before the last update, those before another one, and in a complete run that of its end.
     fn check_rows(&self, rows: &[EvaluationRow], every: u64, trained: Trained) -> Result<(), FileError> {
-        let damaged = |why| Err(FileError::Damaged { path: self.folder.join(ROWS), why });
+        let damaged = |why| Err(FileError::Damaged { path: self.folder.join(EVALUATIONS), why });
         let made = trained.steps;
         let reached = rows.last().map(|last| last.steps).max(trained.before_last_update);
         let due = (0..).map(|i| every.saturating_mul(i)).take_while(|steps| Some(*steps) <= reached);
@@ -122,7 +122,7 @@ impl EvaluationFiles {
 
     /// Whether there is a file of evaluations.
     pub fn exist(folder: &Path) -> bool {
-        folder.join(ROWS).exists()
+        folder.join(EVALUATIONS).exists()
     }
 
     /// Removes all files of a run that was here, so that one that begins takes nothing over: neither its
@@ -131,7 +131,7 @@ impl EvaluationFiles {
         for path in weights_in(&folder.join(WEIGHTS))? {
             remove(&path)?;
         }
-        for name in [ROWS, EPISODES, BEST] {
+        for name in [EVALUATIONS, EPISODES, BEST] {
             remove(&folder.join(name))?;
         }
         remove(&FinalResult::path(folder))
@@ -165,12 +165,12 @@ impl EvaluationFiles {
             }
         }
         append(&self.folder.join(EPISODES), &text)?;
-        append(&self.folder.join(ROWS), &row.line())
+        append(&self.folder.join(EVALUATIONS), &row.line())
     }
 
     /// All rows, by step count.
     pub fn rows(&self) -> Result<Vec<EvaluationRow>, FileError> {
-        self.parse_rows(&self.lines(ROWS)?)
+        self.parse_rows(&self.lines(EVALUATIONS)?)
     }
 
     /// The same, with the means of the episodes on the first map of a run on so many.
@@ -188,7 +188,7 @@ impl EvaluationFiles {
     }
 
     fn parse_rows(&self, text: &str) -> Result<Vec<EvaluationRow>, FileError> {
-        let path = self.folder.join(ROWS);
+        let path = self.folder.join(EVALUATIONS);
         let columns = EvaluationRow::COLUMNS.join(",");
         let damaged = |why| FileError::Damaged { path: path.clone(), why };
         match text.lines().next() {
