@@ -26,7 +26,7 @@ impl Meter {
         let pool = |workload: &Workload, name: &str| {
             let numbers = [workload.num_envs, workload.batch_size, workload.options.threads];
             let [num_envs, batch_size, threads] = numbers.map(|number| number.to_string());
-            let wait = workload.options.wait.name();
+            let wait = workload.options.wait.to_string();
             second_process(&[
                 "pool",
                 name,
@@ -34,7 +34,7 @@ impl Meter {
                 &num_envs,
                 &batch_size,
                 &threads,
-                wait,
+                &wait,
             ])
         };
         Ok(workload.measure(&pool, &self.interrupted)?)

@@ -22,7 +22,7 @@ pub(crate) fn measure(rounds: usize) -> Result<(), Box<dyn Error>> {
             two_workers.push(lane(64, 2, wait)?);
         }
         let [bare, one, many, two_workers] = [bare, one, many, two_workers].map(median);
-        println!("{}:", wait.name());
+        println!("{wait}:");
         println!("  bare iceoryx2 ping-pong              {bare:8.2}");
         println!("  lane of 1 environment, 1 worker      {one:8.2}   {:.2} x bare", one / bare);
         println!("  lane of 64 environments, 1 worker    {many:8.2}");
@@ -36,7 +36,7 @@ pub(crate) fn measure(rounds: usize) -> Result<(), Box<dyn Error>> {
 
 fn ping_pong(wait: WaitStrategy) -> Result<f64, Box<dyn Error>> {
     let name = format!("ping-{}", std::process::id());
-    let _pong = SecondProcess::start(second_process(&["pong", &name, wait.name()])?)?;
+    let _pong = SecondProcess::start(second_process(&["pong", &name, &wait.to_string()])?)?;
     let endpoint = Endpoint::open(&name, wait, "ping", "pong")?;
     microseconds(&mut || {
         endpoint.send()?;
@@ -51,7 +51,7 @@ fn lane(num_envs: usize, threads: usize, wait: WaitStrategy) -> Result<f64, Box<
     let name = format!("null-{}", std::process::id());
     let numbers = [num_envs, threads].map(|number| number.to_string());
     let _pool =
-        SecondProcess::start(second_process(&["null", &name, &numbers[0], &numbers[1], wait.name()])?)?;
+        SecondProcess::start(second_process(&["null", &name, &numbers[0], &numbers[1], &wait.to_string()])?)?;
     let mut client = connect(&name, wait)?;
     client.reset(Some(0), None, WaitOptions::forever())?;
     let actions = vec![1; num_envs * client.description().sizes.n_agents];

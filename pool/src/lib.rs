@@ -37,7 +37,7 @@ mod sync;
 mod wait_strategy;
 mod work;
 
-pub use autoreset::{Autoreset, UnknownAutoreset};
+pub use autoreset::Autoreset;
 pub use episode_log::{EpisodePart, FollowerId, MAX_LOG_BYTES, TooManyFollowed};
 pub use joint_action::{JointAction, MakeHook, StepHook};
 pub use lane::Lane;
@@ -46,4 +46,4 @@ pub use lane_stats::LaneStats;
 pub use pool_options::PoolOptions;
 pub use rejection::Rejection;
 pub use scheduler::{LocalLearner, Pool, PoolHandle, PoolStartError};
-pub use wait_strategy::{Deadline, Polling, UnknownWaitStrategy, WaitStrategy};
+pub use wait_strategy::{Deadline, Polling, WaitStrategy};

@@ -18,18 +18,15 @@ pub enum WaitStrategy {
     Block,
 }
 
+smaclite_units::keywords!(
+    WaitStrategy,
+    "wait",
+    "adaptive" => Adaptive,
+    "spin" => Spin,
+    "block" => Block,
+);
+
 impl WaitStrategy {
-    const ALL: [WaitStrategy; 3] = [WaitStrategy::Adaptive, WaitStrategy::Spin, WaitStrategy::Block];
-
-    /// The keyword used in options and Python.
-    pub fn name(self) -> &'static str {
-        match self {
-            WaitStrategy::Adaptive => "adaptive",
-            WaitStrategy::Spin => "spin",
-            WaitStrategy::Block => "block",
-        }
-    }
-
     /// How threads poll in and around a pool of `threads` worker threads.
     ///
     /// Waking a blocked thread costs about 50 us, so a thread polls at least that long. With a spare core it
@@ -130,20 +127,6 @@ impl Deadline {
         self.looked = now;
         self.left = self.left.saturating_sub(passed);
         self.left
-    }
-}
-
-/// A keyword that names no wait strategy.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("the wait strategy must be `adaptive`, `spin` or `block`, got `{0}`")]
-pub struct UnknownWaitStrategy(pub String);
-
-impl std::str::FromStr for WaitStrategy {
-    type Err = UnknownWaitStrategy;
-
-    fn from_str(keyword: &str) -> Result<Self, UnknownWaitStrategy> {
-        let strategy = WaitStrategy::ALL.into_iter().find(|strategy| strategy.name() == keyword);
-        strategy.ok_or_else(|| UnknownWaitStrategy(keyword.to_owned()))
     }
 }
 

@@ -34,7 +34,7 @@ fn networks_over_units_have_the_outputs_that_the_learner_computes() {
         let config = Config { steps: 64, actor_lr: 0.05, last_actions: 1, ..config };
         let scenario = resolve_scenario(map, Rules::Smaclite).unwrap();
         let lanes = Lanes::start(&scenario, 4, 1, 1, &runtime_dir).unwrap();
-        let folder = place.path().join(format!("{map} {}", network.name()));
+        let folder = place.path().join(format!("{map} {network}"));
         let mut run = Run::begin(&folder, config, &scenario, lanes, 1).unwrap();
         while run.update(&mut || false).unwrap().is_some() {}
         run.checkpoint().unwrap();

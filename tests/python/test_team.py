@@ -125,7 +125,7 @@ def test_a_network_that_is_unknown_is_an_error(tmp_path: Path) -> None:
     shutil.copytree(REPOSITORY / "bindings/learn/zoo/3m", tmp_path / "run")
     text = (tmp_path / "run/run.json").read_text()
     (tmp_path / "run/run.json").write_text(text.replace('"hidden"', '"network": "graph", "hidden"'))
-    expected = r'run\.json.*`network` must be "flat", "units" or "universal", got "graph"'
+    expected = r"run\.json.*network must be `flat`, `units` or `universal`, got `graph`"
     with pytest.raises(sp.errors.InvalidRequest, match=expected):
         sp.load_team(tmp_path / "run")
 

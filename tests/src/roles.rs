@@ -12,6 +12,7 @@
 use crate::process::{ROLE_VARIABLE, TIMEOUT, answer};
 use crate::{LanePlan, Learner, PoolPlan, chaos, other_user};
 use smaclite_ipc::{Batch, ConnectError, RuntimeDir, Spectator, Supervisor, WaitOptions};
+use smaclite_units::UnknownKeyword;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -150,7 +151,7 @@ impl CommandedLearner {
     /// `POOL`, or `POOL WAIT` with a wait strategy.
     fn connect(&mut self, argument: &str) -> Answer {
         let (pool, wait) = argument.split_once(' ').unwrap_or((argument, "adaptive"));
-        let wait = wait.parse().map_err(|error: smaclite_pool::UnknownWaitStrategy| error.to_string())?;
+        let wait = wait.parse().map_err(|error: UnknownKeyword| error.to_string())?;
         let learner = runtime_dir()
             .and_then(|runtime_dir| Learner::connect_waiting(&runtime_dir, pool, &self.plan, wait))
             .map_err(|e| e.to_string())?;

@@ -1,28 +1,7 @@
 //! The enums of unit files and the keywords of their values: planes, attributes, combat types and targeters,
 //! and sets of them. `parse` reads the files.
 
-use std::fmt;
-
-/// A type whose values have fixed names in files.
-pub trait Keyword: Copy + PartialEq + 'static {
-    /// Every keyword and its value, in the order in which error messages list them.
-    const KEYWORDS: &'static [(&'static str, Self)];
-
-    /// The value that a keyword names.
-    fn from_name(name: &str) -> Option<Self> {
-        Self::KEYWORDS.iter().find(|(keyword, _)| *keyword == name).map(|(_, value)| *value)
-    }
-
-    /// The keyword of this value; empty if it has none.
-    fn name(self) -> &'static str {
-        Self::KEYWORDS.iter().find(|(_, value)| *value == self).map_or("", |(keyword, _)| keyword)
-    }
-
-    /// All keywords.
-    fn names() -> impl Iterator<Item = &'static str> {
-        Self::KEYWORDS.iter().map(|(keyword, _)| *keyword)
-    }
-}
+use crate::keywords;
 
 /// The layer a unit lives in. Units avoid only units of the same plane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -35,16 +14,7 @@ pub enum Plane {
     Colossus,
 }
 
-impl Keyword for Plane {
-    const KEYWORDS: &'static [(&'static str, Plane)] =
-        &[("GROUND", Plane::Ground), ("AIR", Plane::Air), ("COLOSSUS", Plane::Colossus)];
-}
-
-impl fmt::Display for Plane {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
+keywords!(Plane, "plane", "GROUND" => Ground, "AIR" => Air, "COLOSSUS" => Colossus);
 
 /// A set of planes; a unit type's `valid_targets`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -78,24 +48,18 @@ pub enum Attribute {
     Heroic,
 }
 
-impl Keyword for Attribute {
-    const KEYWORDS: &'static [(&'static str, Attribute)] = &[
-        ("LIGHT", Attribute::Light),
-        ("ARMORED", Attribute::Armored),
-        ("MASSIVE", Attribute::Massive),
-        ("BIOLOGICAL", Attribute::Biological),
-        ("MECHANICAL", Attribute::Mechanical),
-        ("PSIONIC", Attribute::Psionic),
-        ("STRUCTURE", Attribute::Structure),
-        ("HEROIC", Attribute::Heroic),
-    ];
-}
-
-impl fmt::Display for Attribute {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
+keywords!(
+    Attribute,
+    "attribute",
+    "LIGHT" => Light,
+    "ARMORED" => Armored,
+    "MASSIVE" => Massive,
+    "BIOLOGICAL" => Biological,
+    "MECHANICAL" => Mechanical,
+    "PSIONIC" => Psionic,
+    "STRUCTURE" => Structure,
+    "HEROIC" => Heroic,
+);
 
 /// A set of attributes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
@@ -123,10 +87,7 @@ pub enum CombatType {
     Healing,
 }
 
-impl Keyword for CombatType {
-    const KEYWORDS: &'static [(&'static str, CombatType)] =
-        &[("DAMAGE", CombatType::Damage), ("HEALING", CombatType::Healing)];
-}
+keywords!(CombatType, "combat_type", "DAMAGE" => Damage, "HEALING" => Healing);
 
 /// What a unit's attack does. Lengths are in terrain squares.
 #[derive(Clone, Copy, Debug, PartialEq)]

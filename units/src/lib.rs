@@ -16,6 +16,7 @@
 
 pub mod file;
 mod keys;
+mod keyword;
 mod kinds;
 mod parse;
 mod standard;
@@ -23,5 +24,6 @@ mod unit_type;
 
 pub use file::{Problem, Problems};
 pub use keys::MIN_POSITIVE;
-pub use kinds::{Attribute, AttributeSet, CombatType, Keyword, Plane, PlaneSet, Targeter};
+pub use keyword::{Keyword, UnknownKeyword};
+pub use kinds::{Attribute, AttributeSet, CombatType, Plane, PlaneSet, Targeter};
 pub use unit_type::{Conduct, UnitType};

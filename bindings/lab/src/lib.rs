@@ -19,7 +19,7 @@ pub use action_trace::{ActionTrace, AfterEpisode, TracePlayer};
 pub use dataset::{
     ARRAYS, Amount, ArrayName, ArraySpec, Card, Dataset, DatasetError, Distribution,
     Episode as RecordedEpisode, PerRow, Policy, PolicyCard, Quality, Recording, SUFFIX as DATASET_SUFFIX,
-    Source, UnknownArray, UnknownQuality, Values,
+    Source, UnknownArray, Values,
 };
 pub use exploit::{Exploit, ExploitError, ExploitResult, Response};
 pub use report::{

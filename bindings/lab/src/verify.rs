@@ -42,8 +42,8 @@ impl std::fmt::Display for Difference {
             None => write!(f, "the final evaluation, ")?,
         }
         match episode {
-            Some(episode) => write!(f, "{} episode {episode}: ", actions.name())?,
-            None => write!(f, "{} means: ", actions.name())?,
+            Some(episode) => write!(f, "{actions} episode {episode}: ")?,
+            None => write!(f, "{actions} means: ")?,
         }
         write!(f, "recorded {recorded}, played {played}")
     }
@@ -73,7 +73,7 @@ pub enum VerifyError {
     )]
     OtherEnd { folder: String, played: u64, end: u64 },
     #[error("`{folder}` is not verified: {which} has {found} {actions} episodes, but {expected} are played")]
-    Episodes { folder: String, which: String, found: usize, actions: &'static str, expected: usize },
+    Episodes { folder: String, which: String, found: usize, actions: Choice, expected: usize },
     #[error(
         "`{folder}` is not verified: final.json is of {played} steps, but the best evaluation is at {best}"
     )]
@@ -237,7 +237,7 @@ impl<'a> Verifier<'a> {
         let wrong = Choice::BOTH.into_iter().zip(recorded).find(|(_, episodes)| episodes.len() != expected);
         let Some((actions, episodes)) = wrong else { return Ok(()) };
         let (folder, which) = (self.folder.display().to_string(), which.to_owned());
-        let (found, actions) = (episodes.len(), actions.name());
+        let found = episodes.len();
         Err(VerifyError::Episodes { folder, which, found, actions, expected })
     }
 

@@ -50,7 +50,7 @@ impl Inputs {
         }
         let is_possible = config.network == NetworkKind::Flat || self.units.is_some();
         let accepted = "`flat` where observations have no units (`obs_starcraft` of `smacv2` is false)";
-        ensure(is_possible, "network", accepted, &format!("`{}`", config.network.name()))
+        ensure(is_possible, "network", accepted, &format!("`{}`", config.network))
     }
 }
 
@@ -238,6 +238,7 @@ mod tests {
     use super::*;
     use smaclite_engine::{Arena, Rules};
     use smaclite_scenarios::Smacv2;
+    use smaclite_units::Keyword;
 
     /// Their observations have the rows of no unit, so a network over units would see nothing.
     #[test]
@@ -268,9 +269,9 @@ mod tests {
             let scenario = Scenario::standard(name).unwrap();
             let sizes = Arena::new(&scenario, Rules::Smaclite).sizes();
             let inputs = Inputs::new(&scenario, sizes, 0);
-            for (network, algorithm) in NetworkKind::ALL
-                .into_iter()
-                .flat_map(|network| [(network, Algorithm::Mappo), (network, Algorithm::Ippo)])
+            let networks = NetworkKind::KEYWORDS.iter().map(|(_, network)| *network);
+            for (network, algorithm) in
+                networks.flat_map(|network| [(network, Algorithm::Mappo), (network, Algorithm::Ippo)])
             {
                 let config = Config { algorithm, ..Config::for_scenario(&scenario).with_network(network) };
                 let actor = Architecture::actor(&config, &inputs);

@@ -4,7 +4,7 @@ mod enemies;
 mod keywords;
 
 pub use enemies::{Enemies, SelfPlay};
-pub use keywords::{Activation, Algorithm, NetworkKind, UnknownKeyword};
+pub use keywords::{Activation, Algorithm, NetworkKind};
 use serde::{Deserialize, Serialize};
 use smaclite_pool::MAX_LAST_ACTIONS;
 use smaclite_scenarios::Scenario;
@@ -180,12 +180,7 @@ impl Config {
             &format!("{weights:?}"),
         )?;
         let is_universal = count == 1 || self.network == NetworkKind::Universal;
-        ensure(
-            is_universal,
-            "network",
-            "`universal` with several maps",
-            &format!("`{}`", self.network.name()),
-        )
+        ensure(is_universal, "network", "`universal` with several maps", &format!("`{}`", self.network))
     }
 
     /// Divides the environments among so many maps, by their weights, so that each has at least one.
@@ -270,11 +265,6 @@ impl Config {
             ensure(value > 0.0 && value <= 1e6, name, "above 0 and at most 1000000", &value)?;
         }
         Ok(())
-    }
-
-    /// Environment steps of an update, those that only reset an environment included.
-    pub fn steps_per_update(&self) -> u64 {
-        (self.num_envs * self.horizon) as u64
     }
 
     /// A value that changes linearly over the run, after `steps` steps.

@@ -2,7 +2,7 @@
 
 use crate::architecture::{Architecture, Inputs};
 use crate::checkpoint::read_actor;
-use crate::config::{Config, ConfigError, Enemies, NetworkKind, UnknownKeyword};
+use crate::config::{Config, ConfigError, Enemies, NetworkKind};
 use crate::lane_error::{LaneError, UnequalUnits, check_equal_sides};
 use crate::lanes::{Lanes, sizes_with_history};
 use crate::team::{Network, OnScenario};
@@ -323,17 +323,7 @@ impl Weights {
     }
 }
 
-impl std::str::FromStr for Weights {
-    type Err = UnknownKeyword;
-
-    fn from_str(keyword: &str) -> Result<Weights, UnknownKeyword> {
-        match keyword {
-            "last" => Ok(Weights::Last),
-            "best" => Ok(Weights::Best),
-            _ => Err(UnknownKeyword::new(["last", "best"], keyword)),
-        }
-    }
-}
+smaclite_units::keywords!(Weights, "weights", "last" => Last, "best" => Best);
 
 /// The files of the team in the folder of a run, as they are: `run.json`, and the weights of [`Weights::of`].
 ///

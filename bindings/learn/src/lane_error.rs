@@ -2,6 +2,7 @@
 
 use crate::config::ConfigError;
 use smaclite_ipc::{ClientError, ConnectError, StartError};
+use smaclite_pool::Autoreset;
 use smaclite_scenarios::{Problems, Scenario};
 use std::path::Path;
 
@@ -27,7 +28,7 @@ pub enum LaneError {
     #[error(
         "lane `{lane}` has autoreset_mode `{given}`, but a team plays with `NextStep`, the default of `serve`"
     )]
-    Autoreset { lane: String, given: &'static str },
+    Autoreset { lane: String, given: Autoreset },
     #[error(
         "lane `{lane}` is asynchronous: its batches have {batch_size} of {num_envs} environments; serve it \
          without --batch-size"

@@ -76,7 +76,7 @@ mod zoo_folders;
 pub use adapt::adapt_team;
 pub use config::{
     Activation, Algorithm, Config, ConfigError, Enemies, NetworkKind, STATE_CRITIC_AGENTS, SelfPlay,
-    TEAM_ENTROPY, UnknownKeyword,
+    TEAM_ENTROPY,
 };
 pub use description::{
     DESCRIPTIONS, OPPONENT, OtherMap, RunDescription, Weights, holds_run, read_team_files, refuse_undescribed,

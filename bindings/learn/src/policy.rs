@@ -4,7 +4,6 @@
 //! action and S the sum of the exponentials; that of an unavailable one is 0. Rows of outputs and of masks
 //! are padded to a multiple of [`WIDTH`] with actions that are unavailable.
 
-use crate::config::UnknownKeyword;
 use crate::math::{WIDTH, exp, sum};
 
 /// Stands for the output of an unavailable action: so small that its exponential vanishes beside any other.
@@ -23,14 +22,6 @@ impl Choice {
     /// Both, in the order of files and tables.
     pub const BOTH: [Choice; 2] = [Choice::Greedy, Choice::Sampled];
 
-    /// The keyword in files and options.
-    pub fn name(self) -> &'static str {
-        match self {
-            Choice::Greedy => "greedy",
-            Choice::Sampled => "sampled",
-        }
-    }
-
     /// The place in [`BOTH`](Choice::BOTH).
     pub fn index(self) -> usize {
         self as usize
@@ -42,15 +33,7 @@ impl Choice {
     }
 }
 
-impl std::str::FromStr for Choice {
-    type Err = UnknownKeyword;
-
-    fn from_str(keyword: &str) -> Result<Choice, UnknownKeyword> {
-        let names = Choice::BOTH.map(Choice::name);
-        let found = Choice::BOTH.into_iter().find(|choice| choice.name() == keyword);
-        found.ok_or_else(|| UnknownKeyword::new(names, keyword))
-    }
-}
+smaclite_units::keywords!(Choice, "actions", "greedy" => Greedy, "sampled" => Sampled);
 
 /// Replaces a row of outputs by z_j - m, writes exp(z_j - m) to `powers`, 0 for unavailable actions, and
 /// returns S.

@@ -29,7 +29,7 @@ pub(crate) fn input_maps(
     let maps = |form: UniversalForm| {
         form.rows(scenario).map_err(|why| {
             let accepted = "`flat` or `units` where not all is as on the standard maps";
-            ConfigError::new("network", accepted, format!("`{}`: {why}", NetworkKind::Universal.name()))
+            ConfigError::new("network", accepted, format!("`{}`: {why}", NetworkKind::Universal))
         })
     };
     Ok([maps(UniversalForm::of_obs(last_actions))?, maps(UniversalForm::of_state())?])

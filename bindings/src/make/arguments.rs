@@ -62,7 +62,7 @@ pub struct ModeArg(pub(super) String);
 
 impl Default for ModeArg {
     fn default() -> Self {
-        ModeArg(Autoreset::default().name().to_owned())
+        ModeArg(Autoreset::default().to_string())
     }
 }
 

@@ -17,18 +17,20 @@ pub(crate) enum NetworkKind {
     Universal,
 }
 
+smaclite_units::keywords!(
+    NetworkKind,
+    "network",
+    "flat" => Flat,
+    "units" => Units,
+    "universal" => Universal,
+);
+
 /// With a message that names the key, which serde's would not.
 impl<'de> Deserialize<'de> for NetworkKind {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<NetworkKind, D::Error> {
         let value = serde_json::Value::deserialize(deserializer)?;
-        match value.as_str() {
-            Some("flat") => Ok(NetworkKind::Flat),
-            Some("units") => Ok(NetworkKind::Units),
-            Some("universal") => Ok(NetworkKind::Universal),
-            _ => Err(serde::de::Error::custom(format!(
-                "`network` must be \"flat\", \"units\" or \"universal\", got {value}"
-            ))),
-        }
+        let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+        text.parse().map_err(serde::de::Error::custom)
     }
 }
 

@@ -1,4 +1,6 @@
-//! A JSON value and its path in the file, so that every problem can say where the mistake is.
+//! A JSON value and its path in the file, so that every problem can say where the mistake is. Methods that
+//! return a `Result` have told the report what is wrong when they fail.
+#![allow(clippy::missing_errors_doc)]
 
 mod scalar;
 

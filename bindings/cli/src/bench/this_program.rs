@@ -9,7 +9,7 @@ pub(crate) fn serve_command(workload: &Workload, name: &str) -> std::io::Result<
     let mut command = this_program()?;
     let Workload { options, batch_size, num_envs, scenario_argument, rules, .. } = workload;
     command.args(["serve", "--name", name, "--threads", &options.threads.to_string()]);
-    command.args(["--batch-size", &batch_size.to_string(), "--wait", options.wait.name()]);
+    command.args(["--batch-size", &batch_size.to_string(), "--wait", &options.wait.to_string()]);
     command.args(["--rules", &rules.to_string()]).arg(format!("bench={scenario_argument}:{num_envs}"));
     Ok(command)
 }

@@ -60,7 +60,7 @@ pub(super) fn titles(results: &Results) -> Vec<(String, String)> {
 
 fn figures(results: &Results) -> Vec<Figure> {
     let mut figures = Vec::new();
-    let actions = results.actions.name();
+    let actions = results.actions;
     for metric in Metric::ALL {
         let axis = axis(metric);
         let what = format!("{}, {actions}", axis.trim_end_matches(" (%)"));

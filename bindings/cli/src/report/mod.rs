@@ -16,6 +16,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use smaclite_lab::{Benchmark, EvaluatedRun, FirstWin, Report, ReportError, marl_eval_json, time_to_win};
 use smaclite_learn::Choice;
 use smaclite_pool::PoolOptions;
+use smaclite_units::Keyword;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
@@ -45,7 +46,7 @@ pub(super) struct WriteReport {
     #[arg(long, value_name = "FOLDER")]
     out: PathBuf,
     /// Which episodes are compared: those with the most probable actions, or with sampled ones
-    #[arg(long, value_parser = choice(), default_value = Choice::Greedy.name())]
+    #[arg(long, value_parser = choice(), default_value_t = Choice::Greedy)]
     actions: Choice,
     /// Play no episodes to find out when teams first won
     #[arg(long)]
@@ -60,7 +61,7 @@ pub(super) struct WriteReport {
 
 /// A parser of `greedy` and `sampled`.
 fn choice() -> impl TypedValueParser<Value = Choice> {
-    PossibleValuesParser::new(Choice::BOTH.map(Choice::name)).try_map(|name| name.parse::<Choice>())
+    PossibleValuesParser::new(Choice::names()).try_map(|name| name.parse::<Choice>())
 }
 
 /// When the teams of runs first won, with greedy and with sampled actions, by the folders of the runs.

@@ -59,7 +59,7 @@ fn headline(results: &Results) -> String {
         plural(algorithms.len(), "algorithm"),
         plural(tasks, "task"),
         plural(*most, "seed"),
-        results.actions.name()
+        results.actions
     )
 }
 
@@ -188,7 +188,7 @@ fn times(results: &Results) -> Option<Table> {
             for actions in Choice::BOTH {
                 let of_run = |run: &EvaluatedRun| times.get(&run.folder).map(|times| times[actions.index()]);
                 let of_runs: Vec<FirstWin> = runs.iter().filter_map(of_run).collect();
-                let before = [task, name, actions.name()].map(str::to_owned);
+                let before = [task.to_owned(), name.to_owned(), actions.to_string()];
                 table.push(before.into_iter().chain([seeds_that_won(&of_runs)]).chain(spreads(&of_runs)));
             }
         }
@@ -216,7 +216,7 @@ fn spreads(wins: &[FirstWin]) -> [String; 3] {
 
 /// What the numbers mean.
 fn explanations(results: &Results) -> String {
-    let (win_rate, actions) = (100.0 * CRITERION_WIN_RATE, results.actions.name());
+    let (win_rate, actions) = (100.0 * CRITERION_WIN_RATE, results.actions);
     let enough = if results.times.is_some() {
         format!(
             "- **Training until a team won**: the training time of the first evaluation whose weights won so \

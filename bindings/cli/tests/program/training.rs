@@ -360,12 +360,12 @@ fn errors_say_what_is_accepted() {
         2,
         "invalid value '0' for '--num-envs <NUM_ENVS>': must be a whole number between 1 and 65536",
     );
-    check_error(folder, "train 3m --out run --algorithm qmix", 2, "expected `mappo` or `ippo`, got `qmix`");
+    check_error(folder, "train 3m --out run --algorithm qmix", 2, "algorithm must be `mappo` or `ippo`");
     check_error(
         folder,
         "train 3m --out run --network gnn",
         2,
-        "expected `flat`, `units` or `universal`, got `gnn`",
+        "network must be `flat`, `units` or `universal`, got `gnn`",
     );
     check_error(
         folder,

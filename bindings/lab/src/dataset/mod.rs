@@ -22,7 +22,7 @@ pub use arrays::{ARRAYS, ArrayName, ArraySpec, PerRow, UnknownArray, Values};
 pub use card::{Card, Distribution, PolicyCard};
 pub use error::DatasetError;
 pub use file::SUFFIX;
-pub use quality::{Quality, UnknownQuality};
+pub use quality::Quality;
 pub use record::{Amount, Recording, Source};
 
 use serde::{Deserialize, Serialize};
@@ -46,7 +46,7 @@ use std::sync::Arc;
 /// let dataset = Dataset::record(&recording, &mut || false)?;
 /// let arrays = dataset.expand(&[ArrayName::Obs, ArrayName::Reward], 2, &mut || false)?;
 /// let (_, rewards) = &arrays[1];
-/// assert_eq!(rewards.len(), dataset.n_steps());
+/// assert_eq!(rewards.bytes().len(), 4 * dataset.n_steps());
 /// # Ok(())
 /// # }
 /// ```

@@ -3,9 +3,7 @@
 
 use super::Policy;
 use smaclite_learn::{EvaluationFiles, EvaluationRow, FileError};
-use std::fmt;
 use std::path::{Path, PathBuf};
-use std::str::FromStr;
 
 /// How well the policies of a dataset play.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,40 +19,14 @@ pub enum Quality {
     Replay,
 }
 
-impl Quality {
-    /// All of them.
-    pub const ALL: [Quality; 4] = [Quality::Good, Quality::Medium, Quality::Poor, Quality::Replay];
-
-    /// Its name in commands.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Quality::Good => "good",
-            Quality::Medium => "medium",
-            Quality::Poor => "poor",
-            Quality::Replay => "replay",
-        }
-    }
-}
-
-/// A name that no quality has.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("unknown quality `{0}`; they are {names}", names = Quality::ALL.map(Quality::name).join(", "))]
-pub struct UnknownQuality(String);
-
-impl FromStr for Quality {
-    type Err = UnknownQuality;
-
-    fn from_str(name: &str) -> Result<Quality, UnknownQuality> {
-        let found = Quality::ALL.into_iter().find(|quality| quality.name() == name);
-        found.ok_or_else(|| UnknownQuality(name.to_owned()))
-    }
-}
-
-impl fmt::Display for Quality {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
+smaclite_units::keywords!(
+    Quality,
+    "quality",
+    "good" => Good,
+    "medium" => Medium,
+    "poor" => Poor,
+    "replay" => Replay,
+);
 
 /// Why a run has no policy of a quality.
 #[derive(Debug, thiserror::Error)]

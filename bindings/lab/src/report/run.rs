@@ -150,7 +150,7 @@ fn read_evaluations(folder: &Path) -> Result<Vec<PlayedEvaluation>, ReportError>
         let found = all_episodes.iter().position(|(of, _)| *of == steps);
         let episodes = found.map(|i| all_episodes.swap_remove(i).1).unwrap_or_default();
         for (actions, summary) in Choice::BOTH.into_iter().zip([row.greedy, row.sampled]) {
-            let (of_kind, actions) = (&episodes[actions.index()], actions.name());
+            let of_kind = &episodes[actions.index()];
             let none = of_kind.is_empty().then_some(("win rate", summary.win_rate, 0.0));
             if let Some((what, said, played)) = none.or_else(|| difference(summary, of_kind)) {
                 let counted = of_kind.len();
@@ -206,7 +206,7 @@ fn check_final(folder: &Path, result: &FinalResult) -> Result<(), FileError> {
     let damaged = |why| FileError::Damaged { path: FinalResult::path(folder), why };
     let kinds = [(&result.greedy_episodes, result.greedy), (&result.sampled_episodes, result.sampled)];
     for (actions, (episodes, summary)) in Choice::BOTH.into_iter().zip(kinds) {
-        let (actions, counted) = (actions.name(), episodes.len());
+        let counted = episodes.len();
         if let Some((what, said, played)) = difference(summary, episodes) {
             let why = format!("its {actions} {what} is {said}, but that of its {counted} episodes {played}");
             return Err(damaged(why));

@@ -3,8 +3,7 @@
 use serde::{Deserialize, Serialize};
 use smaclite_engine::TargetLayout;
 use smaclite_scenarios::Scenario;
-use smaclite_units::file::shortened;
-use std::str::FromStr;
+use smaclite_units::keywords;
 
 /// What the critic sees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -41,18 +40,6 @@ pub enum NetworkKind {
 }
 
 impl NetworkKind {
-    /// All, in the order of messages.
-    pub const ALL: [NetworkKind; 3] = [NetworkKind::Flat, NetworkKind::Units, NetworkKind::Universal];
-
-    /// The keyword in files and options.
-    pub fn name(self) -> &'static str {
-        match self {
-            NetworkKind::Flat => "flat",
-            NetworkKind::Units => "units",
-            NetworkKind::Universal => "universal",
-        }
-    }
-
     pub(super) fn default_hidden(self) -> Vec<usize> {
         match self {
             NetworkKind::Flat => vec![64, 64],
@@ -83,68 +70,11 @@ impl NetworkKind {
 impl<'de> Deserialize<'de> for NetworkKind {
     fn deserialize<D: serde::Deserializer<'de>>(deserializer: D) -> Result<NetworkKind, D::Error> {
         let value = serde_json::Value::deserialize(deserializer)?;
-        let found = NetworkKind::ALL.into_iter().find(|kind| value.as_str() == Some(kind.name()));
-        found.ok_or_else(|| {
-            let given = shortened(&value.to_string());
-            serde::de::Error::custom(format!(
-                "`network` must be \"flat\", \"units\" or \"universal\", got {given}"
-            ))
-        })
+        let text = value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+        text.parse().map_err(serde::de::Error::custom)
     }
 }
 
-/// A keyword that is none of those expected.
-#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("expected {}, got `{given}`", listed(expected))]
-pub struct UnknownKeyword {
-    expected: Vec<&'static str>,
-    given: String,
-}
-
-/// With commas, and the last after an "or".
-fn listed(keywords: &[&str]) -> String {
-    match keywords {
-        [] => String::new(),
-        [only] => format!("`{only}`"),
-        [others @ .., last] => format!("`{}` or `{last}`", others.join("`, `")),
-    }
-}
-
-impl UnknownKeyword {
-    pub(crate) fn new(expected: impl Into<Vec<&'static str>>, given: &str) -> UnknownKeyword {
-        UnknownKeyword { expected: expected.into(), given: given.to_owned() }
-    }
-}
-
-impl FromStr for Algorithm {
-    type Err = UnknownKeyword;
-
-    fn from_str(keyword: &str) -> Result<Algorithm, UnknownKeyword> {
-        match keyword {
-            "mappo" => Ok(Algorithm::Mappo),
-            "ippo" => Ok(Algorithm::Ippo),
-            _ => Err(UnknownKeyword::new(["mappo", "ippo"], keyword)),
-        }
-    }
-}
-
-impl FromStr for NetworkKind {
-    type Err = UnknownKeyword;
-
-    fn from_str(keyword: &str) -> Result<NetworkKind, UnknownKeyword> {
-        let found = NetworkKind::ALL.into_iter().find(|kind| kind.name() == keyword);
-        found.ok_or_else(|| UnknownKeyword::new(NetworkKind::ALL.map(NetworkKind::name), keyword))
-    }
-}
-
-impl FromStr for Activation {
-    type Err = UnknownKeyword;
-
-    fn from_str(keyword: &str) -> Result<Activation, UnknownKeyword> {
-        match keyword {
-            "relu" => Ok(Activation::Relu),
-            "tanh" => Ok(Activation::Tanh),
-            _ => Err(UnknownKeyword::new(["relu", "tanh"], keyword)),
-        }
-    }
-}
+keywords!(Algorithm, "algorithm", "mappo" => Mappo, "ippo" => Ippo);
+keywords!(Activation, "activation", "relu" => Relu, "tanh" => Tanh);
+keywords!(NetworkKind, "network", "flat" => Flat, "units" => Units, "universal" => Universal);

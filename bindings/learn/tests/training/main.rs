@@ -93,9 +93,9 @@ fn run_json_names_the_network_if_it_is_not_flat() {
         assert!(error.contains("units/run.json` is") && error.contains(expected), "{error}");
         file["config"][key] = before;
     };
-    let expected = "`network` must be \"flat\", \"units\" or \"universal\", got ";
-    refused("network", "graph".into(), &format!("{expected}\"graph\""));
-    refused("network", Value::Null, &format!("{expected}null"));
+    let expected = "network must be `flat`, `units` or `universal`, got ";
+    refused("network", "graph".into(), &format!("{expected}`graph`"));
+    refused("network", Value::Null, &format!("{expected}`null`"));
     refused("hidden", vec![8].into(), "hidden must be 2 widths between 2 and 4096 for networks over units");
     // Weights of the other network are not those of this one.
     fs::copy(place.path("flat").join("weights.safetensors"), place.path("units").join("weights.safetensors"))

@@ -199,7 +199,7 @@ fn a_team_whose_layers_are_empty_is_refused() {
         assert!(error.is_some() == refusal.is_some() && error.unwrap_or("").contains(refusal.unwrap_or("")));
     }
     for (network, hidden, refusal) in [
-        ("graph", vec![4], "`network` must be \"flat\", \"units\" or \"universal\", got \"graph\""),
+        ("graph", vec![4], "network must be `flat`, `units` or `universal`, got `graph`"),
         ("units", vec![4], "a network over units has two widths, got [4]"),
         ("units", vec![4, 4], "cannot be used: tensor `actor."),
     ] {
