@@ -6,6 +6,7 @@ use std::process::{Child, ChildStderr, Command, ExitStatus, Stdio};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, LazyLock};
 use std::thread::JoinHandle;
+use std::time::Duration;
 
 /// In the environment of a second process: the id of the first, with which it ends.
 const FIRST_PROCESS: &str = "SMACLITE_POOL_FIRST_PROCESS";
@@ -93,6 +94,9 @@ pub fn end_with_first_process() {
     first.into_iter().for_each(os::end_with_parent);
 }
 
+/// How often a wait for a signal looks.
+pub(crate) const LOOK_INTERVAL: Duration = Duration::from_millis(50);
+
 /// The signal that a flag of [`interrupt_flag`] was set by last; 0 for none.
 static RECEIVED: LazyLock<Arc<AtomicUsize>> = LazyLock::new(Arc::default);
 
@@ -153,8 +157,16 @@ fn set_on(signal: i32, flag: &Arc<AtomicBool>) -> std::io::Result<()> {
 /// # Errors
 /// If the system refuses the signal handlers.
 pub fn wait_for_termination() -> std::io::Result<()> {
-    os::StopSignals::new()?.wait();
+    let stop = interrupt_flag()?;
+    wait_for(&stop);
     Ok(())
+}
+
+/// Blocks until the flag of [`interrupt_flag`] is set.
+pub(crate) fn wait_for(flag: &AtomicBool) {
+    while !flag.load(Ordering::Relaxed) {
+        std::thread::sleep(LOOK_INTERVAL);
+    }
 }
 
 /// Resident memory of a process in bytes; 0 if it is unknown.

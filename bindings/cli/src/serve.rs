@@ -5,6 +5,7 @@ use crate::check::warn_of;
 use crate::number::{count, seed, whole};
 use crate::opponent::warn_of_other_rules;
 use crate::os;
+use crate::process::{interrupt_flag, wait_for};
 use clap::Args;
 use serde_json::Value;
 use smaclite_engine::{BattleSetup, EnemySide, EpisodeLimit, Rules, Sides};
@@ -21,6 +22,7 @@ use std::error::Error;
 use std::hash::{BuildHasher, RandomState};
 use std::path::Path;
 use std::str::FromStr;
+use std::sync::atomic::Ordering;
 
 #[derive(Args)]
 #[command(after_help = "Examples:\n  smaclite-pool serve 2s3z:64 --name train\n  \
@@ -154,14 +156,14 @@ impl Serve {
         let prepared = self.config(runtime_dir()?)?.prepare()?;
         os::use_all_descriptors();
         // So far, a signal ends the program at once. From here on there are files to remove first.
-        let mut stop = os::StopSignals::new()?;
-        let started = Supervisor::start_prepared(prepared, &mut || stop.has_come());
+        let stop = interrupt_flag()?;
+        let started = Supervisor::start_prepared(prepared, &mut || stop.load(Ordering::Relaxed));
         if let Err(StartError::Interrupted) = started {
             return Ok(());
         }
         let supervisor = started?;
         print_start(&supervisor);
-        stop.wait();
+        wait_for(&stop);
         let _ = out!("stopping");
         Ok(())
     }

@@ -2,15 +2,13 @@
 
 use rustix::process::{Pid, Resource, Rlimit, Signal, getrlimit, kill_process, setrlimit};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
-use signal_hook::iterator::Signals;
 use std::fs::OpenOptions;
 use std::io::Result;
 use std::os::fd::AsFd;
 use std::os::unix::fs::OpenOptionsExt;
-use std::process::Child;
+use std::os::unix::process::CommandExt;
+use std::process::{Child, Command, ExitStatus};
 use std::sync::Arc;
-use std::task::Poll;
-use tokio::signal::unix::{SignalKind, signal};
 
 /// Raises the limit on file descriptors as far as this user may. The low limit that shells set is for
 /// programs that call `select`, which this one does not and the process of a learner may, so the library
@@ -61,33 +59,9 @@ pub(crate) fn end_with_parent(parent: u32) {
 #[cfg(not(target_os = "linux"))]
 pub(crate) fn end_with_parent(_parent: u32) {}
 
-/// The [`stop_signals`], which no longer end the program.
-pub(crate) struct StopSignals(Signals);
-
-impl StopSignals {
-    pub fn new() -> Result<StopSignals> {
-        Ok(StopSignals(Signals::new(stop_signals())?))
-    }
-
-    /// Whether one has come.
-    pub fn has_come(&mut self) -> bool {
-        self.0.pending().next().is_some()
-    }
-
-    /// Blocks until one comes.
-    pub fn wait(&mut self) {
-        self.0.forever().next();
-    }
-}
-
-/// Ends when one of the [`stop_signals`] comes, which no longer end the program once this was called.
-pub(crate) fn stopped() -> Result<impl Future<Output = ()>> {
-    let mut signals =
-        stop_signals().map(|number| signal(SignalKind::from_raw(number))).collect::<Result<Vec<_>>>()?;
-    Ok(std::future::poll_fn(move |context| {
-        let come = signals.iter_mut().any(|signal| signal.poll_recv(context).is_ready());
-        if come { Poll::Ready(()) } else { Poll::Pending }
-    }))
+/// Becomes another program, which gets the signals of this one; returns only if that cannot be started.
+pub(crate) fn hand_over(command: &mut Command) -> Result<ExitStatus> {
+    Err(command.exec())
 }
 
 /// Asks a process to end.

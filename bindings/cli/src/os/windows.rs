@@ -4,13 +4,7 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 use std::fs::OpenOptions;
 use std::io::Result;
 use std::os::windows::io::AsSocket;
-use std::process::Child;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
-
-/// How often a wait for a signal looks.
-const LOOK_INTERVAL: Duration = Duration::from_millis(50);
+use std::process::{Child, Command, ExitStatus};
 
 /// There is no limit to raise.
 pub(crate) fn use_all_descriptors() {}
@@ -26,37 +20,9 @@ pub(crate) fn stop_signals() -> impl Iterator<Item = i32> {
 /// The system has no signal for it.
 pub(crate) fn end_with_parent(_parent: u32) {}
 
-/// Ctrl-C and SIGTERM, which no longer end the program.
-pub(crate) struct StopSignals(Arc<AtomicBool>);
-
-impl StopSignals {
-    pub fn new() -> Result<StopSignals> {
-        let come = Arc::<AtomicBool>::default();
-        for signal in stop_signals() {
-            signal_hook::flag::register(signal, Arc::clone(&come))?;
-        }
-        Ok(StopSignals(come))
-    }
-
-    /// Whether one has come.
-    pub fn has_come(&mut self) -> bool {
-        self.0.load(Ordering::Relaxed)
-    }
-
-    /// Blocks until one comes.
-    pub fn wait(&mut self) {
-        while !self.has_come() {
-            std::thread::sleep(LOOK_INTERVAL);
-        }
-    }
-}
-
-/// Ends when Ctrl-C comes, which no longer ends the program once this was called.
-pub(crate) fn stopped() -> Result<impl Future<Output = ()>> {
-    let mut interrupted = tokio::signal::windows::ctrl_c()?;
-    Ok(async move {
-        interrupted.recv().await;
-    })
+/// Runs another program in the place of this one.
+pub(crate) fn hand_over(command: &mut Command) -> Result<ExitStatus> {
+    command.status()
 }
 
 /// Ends a process.

@@ -17,6 +17,7 @@ pub(crate) use page::{Closed, Page};
 use crate::CommandResult;
 use crate::number::whole;
 use crate::os;
+use crate::process::{LOOK_INTERVAL, interrupt_flag};
 use axum::Router;
 use axum::extract::ws::WebSocketUpgrade;
 use axum::extract::{FromRequestParts, State};
@@ -37,6 +38,7 @@ use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 use tokio::runtime;
 use tokio::sync::{Semaphore, watch};
@@ -126,7 +128,7 @@ async fn serve_until_signal(
     url: &str,
     options: &ServeOptions,
 ) -> CommandResult {
-    let stopped = os::stopped()?;
+    let stop = interrupt_flag()?;
     let listener = Connections::new(tokio::net::TcpListener::from_std(listener)?);
     out!("{url}")?;
     if !options.host.is_loopback() {
@@ -136,7 +138,14 @@ async fn serve_until_signal(
     let _opened = options.open.then(|| open_in_browser(url));
     tokio::select! {
         served = axum::serve(listener, service) => Ok(served?),
-        () = stopped => Ok(()),
+        () = is_set(&stop) => Ok(()),
+    }
+}
+
+/// Ends when the flag is set.
+async fn is_set(flag: &AtomicBool) {
+    while !flag.load(Ordering::Relaxed) {
+        tokio::time::sleep(LOOK_INTERVAL).await;
     }
 }
 
