@@ -115,7 +115,7 @@ demo *args: install
 bench *args:
     cargo run --release --quiet --bin smaclite-pool -- bench {{ args }}
 
-# Measure: transport, efficiency, asynchronous, many, beside, branching, engine, instructions (benches/README.md), policies, symmetry (docs)
+# Measure: transport, efficiency, asynchronous, many, beside, branching, engine, paper, instructions (benches/README.md), policies, symmetry (docs)
 figures *args:
     cargo run --release --quiet --bin smaclite-benches -- {{ args }}
 

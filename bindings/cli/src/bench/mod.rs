@@ -1,13 +1,12 @@
 //! `smaclite-pool bench`: steps per second of the engine or of a pool. Here are the options and the tables;
 //! the modules measure. The program `smaclite-benches` uses those that are public.
 
-pub mod paper;
 pub mod policy;
 pub(crate) mod this_program;
 pub mod throughput;
 
 use crate::number::count;
-use crate::process::{interrupt_flag, resident_bytes};
+use crate::process::interrupt_flag;
 use crate::table::Table;
 use crate::{CommandResult, THREADS, check_range, completions, megabytes};
 use clap::Args;
@@ -56,21 +55,10 @@ pub(super) struct Bench {
     /// Print one JSON object per scenario
     #[arg(long)]
     json: bool,
-    /// Print the speed table of the SMAClite paper instead, with a column for this machine
-    #[arg(
-        long,
-        conflicts_with_all = [
-            "scenarios", "rules", "mode", "policy", "num_envs", "batch_size", "threads", "seconds", "wait"
-        ]
-    )]
-    paper_table: bool,
 }
 
 impl Bench {
     pub(super) fn run(self) -> CommandResult {
-        if self.paper_table {
-            return if self.json { print_paper_json() } else { print_paper_table() };
-        }
         let workloads = self.workloads()?;
         let interrupted = interrupt_flag()?;
         let mut table = Table::new(&[
@@ -154,35 +142,4 @@ fn cells(result: &Throughput) -> [String; 9] {
         format!("{:.0}", result.ns_per_unit_tick),
         megabytes(result.rss_bytes),
     ]
-}
-
-fn print_paper_json() -> CommandResult {
-    for row in &paper::TABLE {
-        let object = serde_json::json!({
-            "scenario": row.scenario, "episodes": paper::EPISODES,
-            "seconds_per_step": paper::seconds_per_step(row.scenario)?,
-            "paper": { "smac": row.smac, "smaclite": row.smaclite, "smaclite_plus": row.smaclite_plus },
-            "rss_bytes": resident_bytes(std::process::id()),
-        });
-        out!("{object}")?;
-    }
-    Ok(())
-}
-
-fn print_paper_table() -> CommandResult {
-    let mut table =
-        Table::new(&["scenario", "SMAC", "SMAClite", "SMAClite_plus", "here", "speed-up over SMAClite_plus"]);
-    for row in &paper::TABLE {
-        let here = paper::seconds_per_step(row.scenario)?;
-        let of_paper = [row.smac, row.smaclite, row.smaclite_plus].map(|seconds| format!("{seconds:.3}"));
-        let here = [format!("{here:.7}"), format!("{:.0} x", row.smaclite_plus / here)];
-        table.push([row.scenario.to_owned()].into_iter().chain(of_paper).chain(here));
-    }
-    let episodes = paper::EPISODES;
-    out!("Average seconds per timestep, random available actions, {episodes} episodes each, one thread.")?;
-    out!("The columns of the paper were measured on an AMD Ryzen 3700X, `here` on this machine.\n")?;
-    table.print()?;
-    let resident = megabytes(resident_bytes(std::process::id()));
-    out!("\nresident memory: {resident} here; about 600 MB (SMAC) and 100 MB (SMAClite) in the paper")?;
-    Ok(())
 }
