@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import importlib
 import json
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -115,7 +117,7 @@ def test_errors_say_what_is_accepted(file: Path, tmp_path: Path) -> None:
 
 def export(file: Path, out: Path, to: str, uid: str) -> subprocess.CompletedProcess[str]:
     arguments: list[str | Path] = ["--to", to, "--out", out, "--uid", uid, "--python", sys.executable]
-    return program("dataset", "export", file, *arguments)
+    return program("dataset", "export", file, *arguments, check=False)
 
 
 @pytest.mark.parametrize("to", ["vault", "minari"])
@@ -204,6 +206,36 @@ def test_minari_reads_the_episodes(
     env.close()
     done = export(file, tmp_path, "minari", "no version")
     assert done.returncode == 1 and "must be like smaclite/3m/good-v0" in done.stderr
+
+
+@pytest.mark.parametrize("to", ["vault", "minari"])
+def test_an_export_that_is_ended_leaves_nothing(to: str, tmp_path: Path) -> None:
+    """The program ended, and its Python process went on for minutes and wrote the dataset."""
+    pytest.importorskip({"vault": "flashbax.vault", "minari": "minari"}[to])
+    file, out = record(tmp_path / "big.smdata", "--steps", "200000"), tmp_path / "out.vlt"
+    command = [sys.executable, "-m", "smaclite_pool", "dataset", "export", str(file), "--to", to]
+    command += ["--out", str(out), "--uid", "x-v0"]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    while not any(out.glob(".export-*")):
+        assert process.poll() is None
+        time.sleep(0.01)
+    process.terminate()
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 128 + signal.SIGTERM and "nothing was written" in errors, errors
+    assert list(out.iterdir()) == []
+
+
+def test_a_dataset_that_another_program_wrote_meanwhile_is_kept(tmp_path: Path) -> None:
+    """It was removed, because the export that found it then failed."""
+    from smaclite_pool.integrations._export import complete
+
+    ours, theirs = tmp_path / "partial", tmp_path / "x-v0"
+    for folder in (ours, theirs):
+        folder.mkdir()
+        (folder / "data").write_text(folder.name)
+    with pytest.raises(sp.errors.InvalidRequest, match="x-v0` exists"):
+        complete(ours, theirs)
+    assert (theirs / "data").read_text() == "x-v0"
 
 
 def test_the_space_of_a_dataset_for_minari_has_its_observations(tmp_path: Path) -> None:

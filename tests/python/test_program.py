@@ -142,3 +142,14 @@ def test_the_example_plays() -> None:
     assert "steps/s" in done.stdout and "mean return" in done.stdout
     failed = subprocess.run([*example, "2s3"], capture_output=True, text=True, timeout=100, check=False)
     assert "did you mean `2s3z`" in failed.stderr
+
+
+@pytest.mark.parametrize(
+    ("option", "said"),
+    [("--width 0", "--width must be between 1"), ("--steps -5", "--steps must be between")],
+)
+def test_an_example_says_which_numbers_it_takes(option: str, said: str) -> None:
+    """A search of no states was a traceback about the number of environments."""
+    command = [sys.executable, "-m", "smaclite_pool.examples.planning", "3m", *option.split()]
+    failed = subprocess.run(command, capture_output=True, text=True, timeout=100, check=False)
+    assert failed.returncode == 2 and said in failed.stderr and "Traceback" not in failed.stderr

@@ -6,6 +6,7 @@ use super::{CommandResult, THREADS, completions};
 use crate::check::warn_of;
 use crate::number::{count, seed};
 use crate::opponent::scripts;
+use crate::os;
 use crate::process::interrupt_flag;
 use crate::replay::{check_file_of, check_folder_of};
 use crate::table::Table;
@@ -256,7 +257,7 @@ impl Export {
         };
         let mut command = Process::new(&python);
         command.args(["-m", module]).arg(self.file).arg(self.out).arg(self.uid);
-        let status = command.status().map_err(|error| {
+        let status = os::hand_over(&mut command).map_err(|error| {
             format!("the Python interpreter {} cannot be started: {error}", python.display())
         })?;
         match status.success() {

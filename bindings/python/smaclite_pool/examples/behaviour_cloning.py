@@ -26,7 +26,7 @@ import smaclite_pool as sp
 import torch
 from numpy.typing import NDArray
 from safetensors.torch import save_file
-from smaclite_pool.examples.options import COUNT, SMALL, option, parsed, parser_of
+from smaclite_pool.examples.options import COUNT, SMALL, one_line_errors, option, parsed, parser_of
 from smaclite_pool.examples.ppo import Mlp, log_probabilities, sampled
 from torch import Tensor
 from torch.nn import functional as F
@@ -213,14 +213,12 @@ def evaluate(policy: Mlp, dataset: sp.Dataset, options: Options) -> sp.Evaluatio
 def main() -> None:
     parser = parser_of(Options, __doc__, "a file of `smaclite-pool dataset record`")
     options = Options(**parsed(parser, Options))
-    try:
+    with one_line_errors("behaviour_cloning"):
         policy, dataset = clone(options)
         if options.out:
             weights = {f"actor.{name}": tensor for name, tensor in policy.state_dict().items()}
             save_file(weights, Path(options.out))
         result = evaluate(policy, dataset, options)
-    except (sp.errors.PoolError, OSError) as error:
-        raise SystemExit(f"behaviour_cloning: {error}") from None
     print(
         f"{len(result)} episodes, {'greedy' if options.greedy else 'sampled'}: won {result.win_rate:.1%}, "
         f"return {result.mean_return:.2f}; in the dataset {dataset.card['win_rate']:.1%}, "

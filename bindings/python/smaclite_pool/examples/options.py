@@ -1,10 +1,12 @@
-"""The command line of the learners: every field of a dataclass but the first is an option."""
+"""The command line of the examples: every field of a dataclass but the first is an option."""
 
 from __future__ import annotations
 
 import argparse
 import json
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, field, fields
 from pathlib import Path
 from typing import Any
@@ -70,6 +72,19 @@ def parsed(parser: argparse.ArgumentParser, options: Any) -> dict[str, Any]:
         if each.name == "device":
             _check_device(parser, value)
     return given
+
+
+@contextmanager
+def one_line_errors(program: str) -> Iterator[None]:
+    """Ends the program with one line for what cannot be done, and without one after Ctrl-C."""
+    try:
+        yield
+    except FileExistsError as error:
+        raise SystemExit(f"{program}: {error.filename} exists; choose another --out or --seed") from None
+    except (sp.errors.PoolError, OSError) as error:
+        raise SystemExit(f"{program}: {error}") from None
+    except KeyboardInterrupt:
+        raise SystemExit(130) from None
 
 
 def _check_device(parser: argparse.ArgumentParser, device: str) -> None:

@@ -18,7 +18,6 @@ The joint actions that they try are those of the scripted policy, in which some 
 
 from __future__ import annotations
 
-import argparse
 import math
 import time
 from dataclasses import dataclass, field
@@ -27,16 +26,30 @@ from typing import Any
 import numpy as np
 import smaclite_pool as sp
 from numpy.typing import NDArray
+from smaclite_pool.examples.options import SEED, STEPS, one_line_errors, option, parsed, parser_of
 
 FULL_RETURN = 20.0
 """The return of a victory without losses on the way."""
 HEALTH_WEIGHT = 5.0
 """What the health of all agents is worth, as a return."""
 WIN_BONUS = 100.0
+POLICIES = ["random", "nearest", "focus_fire", "kite", "hold"]
 USUAL_LENGTH = 60
 """Steps of an episode that a tree search divides its budget by."""
 
 Actions = NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class Options:
+    scenario: str = "5m_vs_6m"
+    method: str = option("beam", "beam search or tree search", ["beam", "mcts"])
+    policy: str = option("focus_fire", "whose actions are varied", POLICIES)
+    steps: int = option(1_000_000, "steps to simulate", within=STEPS)
+    width: int = option(500, "states of a beam", within=(1, 10_000))
+    tries: int = option(12, "joint actions per state of a beam", within=(1, 100))
+    depth: int = option(16, "steps that value a node of a tree", within=(0, 10_000))
+    seed: int = option(1, "of the battle and the search", within=SEED)
 
 
 @dataclass
@@ -85,7 +98,7 @@ def ended(batch: sp.Batch) -> NDArray[np.bool_]:
 # ---------------------------------------------------------------------------------------------- beam search
 
 
-def beam_search(envs: sp.Envs, score: Score, options: argparse.Namespace) -> Plan:
+def beam_search(envs: sp.Envs, score: Score, options: Options) -> Plan:
     best, steps, propose = Plan([]), 0, Proposals(envs, options.policy, options.seed)
     while steps < options.steps:
         plan, used = one_beam(envs, score, propose, options)
@@ -93,9 +106,7 @@ def beam_search(envs: sp.Envs, score: Score, options: argparse.Namespace) -> Pla
     return best
 
 
-def one_beam(
-    envs: sp.Envs, score: Score, propose: Proposals, options: argparse.Namespace
-) -> tuple[Plan, int]:
+def one_beam(envs: sp.Envs, score: Score, propose: Proposals, options: Options) -> tuple[Plan, int]:
     """The best episode of one beam, and the number of steps."""
     spec = envs.spec
     all_envs = np.arange(spec.num_envs)
@@ -163,7 +174,7 @@ class Node:
         )
 
 
-def tree_search(envs: sp.Envs, score: Score, options: argparse.Namespace) -> Plan:
+def tree_search(envs: sp.Envs, score: Score, options: Options) -> Plan:
     propose = Proposals(envs, options.policy, options.seed)
     batch = envs.reset(seed=options.seed)
     root = Node(batch.snapshot[0].copy())
@@ -223,34 +234,20 @@ def replayed(scenario: str, plan: Plan, seed: int) -> tuple[float, bool]:
         return float(batch.episode_return[0]), bool(batch.battle_won[0])
 
 
-def arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description="Search for a good episode of a scenario.")
-    parser.add_argument("scenario", nargs="?", default="5m_vs_6m", help="a standard scenario or a file")
-    parser.add_argument("--method", choices=["beam", "mcts"], default="beam")
-    policies = ["random", "nearest", "focus_fire", "kite", "hold"]
-    a_policy = "whose actions are varied (default: focus_fire)"
-    parser.add_argument("--policy", choices=policies, default="focus_fire", help=a_policy)
-    parser.add_argument("--steps", type=int, default=1_000_000, help="steps to simulate (default: 1000000)")
-    parser.add_argument("--width", type=int, default=500, help="states of a beam (default: 500)")
-    parser.add_argument("--tries", type=int, default=12, help="joint actions per state (default: 12)")
-    parser.add_argument("--depth", type=int, default=16, help="steps that value a node (default: 16)")
-    parser.add_argument("--seed", type=int, default=1, help="of the battle and the search (default: 1)")
-    return parser.parse_args()
-
-
 def main() -> None:
-    options = arguments()
-    fields = [*("state", "avail_actions", "battle_won", "episode_return", "episode_length")]
+    options = Options(**parsed(parser_of(Options, __doc__, "a standard scenario or a file"), Options))
+    fields = ["state", "avail_actions", "battle_won", "episode_return", "episode_length"]
     num_envs = options.width * options.tries
     if options.method == "mcts":
         fields, num_envs = [*fields, "snapshot"], 64
     begin = time.perf_counter()
-    with sp.make(options.scenario, num_envs, fields=fields) as envs:
-        envs.seed_sampler(options.seed)
-        search = beam_search if options.method == "beam" else tree_search
-        plan = search(envs, Score(options.scenario), options)
-    seconds = time.perf_counter() - begin
-    again = replayed(options.scenario, plan, options.seed)
+    with one_line_errors("planning"):
+        with sp.make(options.scenario, num_envs, fields=fields) as envs:
+            envs.seed_sampler(options.seed)
+            search = beam_search if options.method == "beam" else tree_search
+            plan = search(envs, Score(options.scenario), options)
+        seconds = time.perf_counter() - begin
+        again = replayed(options.scenario, plan, options.seed)
     outcome = "won" if plan.won else "lost"
     print(
         f"{options.scenario}: {outcome} with return {plan.episode_return:.2f} in {len(plan.actions)} steps, "

@@ -36,7 +36,17 @@ from numpy.typing import NDArray
 from safetensors.torch import save_file
 from smaclite_pool.examples import units_network
 from smaclite_pool.examples.evaluations import Clock, Evaluations, Log, recent
-from smaclite_pool.examples.options import SEED, SHARE, SMALL, STEPS, option, parsed, parser_of, write_options
+from smaclite_pool.examples.options import (
+    SEED,
+    SHARE,
+    SMALL,
+    STEPS,
+    one_line_errors,
+    option,
+    parsed,
+    parser_of,
+    write_options,
+)
 from torch import Tensor, nn
 from torch.nn import functional as F
 
@@ -523,7 +533,7 @@ def parse_options(description: str | None) -> tuple[Options, int]:
 def main(description: str | None = __doc__, make_envs: Callable[[Options, int], Any] = make) -> None:
     first, seeds = parse_options(description)
     runs = [replace(first, seed=seed) for seed in range(first.seed, first.seed + seeds)]
-    try:
+    with one_line_errors("ppo"):
         # Before the first begins, which may take hours.
         for folder in filter(Path.exists, map(folder_of, runs)):
             raise FileExistsError(errno.EEXIST, "exists", str(folder))
@@ -537,10 +547,6 @@ def main(description: str | None = __doc__, make_envs: Callable[[Options, int], 
                     f"{len(result)} episodes, {'greedy' if options.greedy else 'sampled'}: won "
                     f"{result.win_rate:.1%}, return {result.mean_return:.2f}, {result.mean_length:.1f} steps"
                 )
-    except sp.errors.PoolError as error:
-        raise SystemExit(f"ppo: {error}") from None
-    except FileExistsError as error:
-        raise SystemExit(f"ppo: {error.filename} exists; choose another --out or --seed") from None
 
 
 if __name__ == "__main__":

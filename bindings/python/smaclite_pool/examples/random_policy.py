@@ -10,6 +10,7 @@ import time
 
 import numpy as np
 import smaclite_pool as sp
+from smaclite_pool.examples.options import one_line_errors
 
 
 def arguments() -> argparse.Namespace:
@@ -50,13 +51,9 @@ def play(envs: sp.Envs, seconds: float, seed: int) -> None:
 
 def main() -> None:
     options = arguments()
-    try:
+    with one_line_errors("random_policy"):
         with sp.make(options.scenario, options.num_envs, threads=options.threads) as envs:
             play(envs, options.seconds, options.seed)
-    except sp.errors.PoolError as error:
-        raise SystemExit(f"random_policy: {error}") from None
-    except KeyboardInterrupt:
-        raise SystemExit(130) from None
 
 
 if __name__ == "__main__":

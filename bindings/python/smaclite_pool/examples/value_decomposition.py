@@ -44,6 +44,7 @@ from smaclite_pool.examples.options import (
     SHARE,
     SMALL,
     STEPS,
+    one_line_errors,
     option,
     parsed,
     parser_of,
@@ -393,7 +394,7 @@ def main() -> None:
     options = Options(**parsed(parser, Options))
     if options.capacity < options.batch:
         parser.error(f"--capacity must be at least --batch, {options.batch}, got {options.capacity}")
-    try:
+    with one_line_errors("value_decomposition"):
         learner = train(options)
         if options.evaluate_episodes > 0:
             result = evaluate(learner, options)
@@ -401,11 +402,6 @@ def main() -> None:
                 f"{len(result)} episodes: won {result.win_rate:.1%}, return {result.mean_return:.2f}, "
                 f"{result.mean_length:.1f} steps"
             )
-    except sp.errors.PoolError as error:
-        raise SystemExit(f"value_decomposition: {error}") from None
-    except FileExistsError as error:
-        what = f"{error.filename} exists; choose another --out or --seed"
-        raise SystemExit(f"value_decomposition: {what}") from None
 
 
 if __name__ == "__main__":

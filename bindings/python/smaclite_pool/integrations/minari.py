@@ -40,7 +40,7 @@ import numpy as np
 from .._layout import Bounds, layout_bounds
 from .._native import DATASET_ARRAYS, Dataset, make, scenario
 from ..errors import InvalidRequest
-from ._export import Arrays, description, expanded, run
+from ._export import Arrays, complete, description, expanded, run
 from ._extra import extra
 
 __all__ = ["export"]
@@ -80,8 +80,8 @@ def export(file: str | PathLike[str], out: str | PathLike[str], uid: str) -> Pat
         out: the folder of all datasets of Minari, as MINARI_DATASETS_PATH names it.
         uid: the id of this one, such as `smaclite/3m/good-v0`; there must be no dataset with it.
 
-    Meanwhile, `out` has the expanded arrays too, in a temporary folder. Raises InvalidRequest for another id,
-    PoolError and OSError as `Dataset`.
+    The folder appears when it is complete. Meanwhile, `out` has the expanded arrays too, in a temporary
+    folder. Raises InvalidRequest for another id, PoolError and OSError as `Dataset`.
     """
     with extra("minari"):  # here, so that the command prints no traceback without it
         # Minari needs them for its files, and imports them late.
@@ -103,7 +103,7 @@ def export(file: str | PathLike[str], out: str | PathLike[str], uid: str) -> Pat
         raise InvalidRequest(f"`{root / uid}` exists; choose another id, such as a higher version")
     dataset = Dataset(file)
     root.mkdir(parents=True, exist_ok=True)
-    with expanded(dataset, root) as arrays, datasets_in(root), removed_on_error(root / uid):
+    with expanded(dataset, root) as (arrays, partial), datasets_in(partial):
         episodes = dataset.episodes
         buffers = (EpisodeBuffer(**episode(episodes, arrays, i)) for i in range(len(episodes["start"])))
         with warnings.catch_warnings():
@@ -117,6 +117,12 @@ def export(file: str | PathLike[str], out: str | PathLike[str], uid: str) -> Pat
                 requirements=["smaclite-pool[gymnasium]"],
             )
         written.storage.update_metadata({"smaclite_pool": description(dataset)})
+        for file in partial.rglob("namespace_metadata.json"):
+            there = root / file.relative_to(partial)
+            if not there.exists():
+                there.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copyfile(file, there)
+        complete(partial / uid, root / uid)
     return root / uid
 
 
@@ -163,16 +169,6 @@ def datasets_in(folder: Path) -> Iterator[None]:
             del os.environ[name]
         else:
             os.environ[name] = before
-
-
-@contextmanager
-def removed_on_error(folder: Path) -> Iterator[None]:
-    """Remove what was written to `folder` if the block fails or is interrupted."""
-    try:
-        yield
-    except BaseException:
-        shutil.rmtree(folder, ignore_errors=True)
-        raise
 
 
 def main() -> None:

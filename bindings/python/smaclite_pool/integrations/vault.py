@@ -30,7 +30,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import tempfile
 from os import PathLike
 from pathlib import Path
 from typing import Any
@@ -39,7 +38,7 @@ import numpy as np
 
 from .._native import Dataset
 from ..errors import InvalidRequest
-from ._export import Arrays, description, expanded, run
+from ._export import Arrays, complete, description, expanded, run
 from ._extra import extra
 
 __all__ = ["experience", "export"]
@@ -93,7 +92,7 @@ def export(file: str | PathLike[str], out: str | PathLike[str], uid: str) -> Pat
         raise InvalidRequest(f"`{folder / uid}` exists; choose another uid")
     dataset = Dataset(file)
     folder.mkdir(parents=True, exist_ok=True)
-    with expanded(dataset, folder) as arrays, tempfile.TemporaryDirectory(prefix=".", dir=folder) as partial:
+    with expanded(dataset, folder) as (arrays, partial):
         n_steps, vault = len(arrays["actions"]), None
         for begin in range(0, n_steps, STEPS_PER_WRITE):
             end = min(begin + STEPS_PER_WRITE, n_steps)
@@ -101,10 +100,10 @@ def export(file: str | PathLike[str], out: str | PathLike[str], uid: str) -> Pat
             if vault is None:
                 with contextlib.redirect_stdout(io.StringIO()):  # advice to those who fill it while they play
                     metadata = {"smaclite_pool": description(dataset)}
-                    vault = Vault("partial", steps, rel_dir=partial, vault_uid=uid, metadata=metadata)
+                    vault = Vault("partial", steps, rel_dir=str(partial), vault_uid=uid, metadata=metadata)
             state = TrajectoryBufferState(experience=steps, current_index=end - begin, is_full=False)
             vault.write(state, source_interval=(0, end - begin))
-        (Path(partial) / "partial" / uid).rename(folder / uid)
+        complete(partial / "partial" / uid, folder / uid)
     return folder / uid
 
 
