@@ -340,6 +340,14 @@ def test_an_environment_is_copied_by_its_arguments_before_its_first_reset() -> N
     again.close()
 
 
+def test_a_vector_has_one_limit() -> None:
+    """Of the two names, one was ignored."""
+    with closing(make_vector("3m", 1, episode_limit=5)) as envs:
+        assert envs._envs.spec.episode_limit == 5
+    with pytest.raises(sp.errors.InvalidRequest, match="give one of them"):
+        make_vector("3m", 1, episode_limit=5, max_episode_steps=50)
+
+
 @pytest.mark.parametrize("name", ["num_envs", "autoreset_mode", "fields", "lanes"])
 def test_settings_that_an_integration_decides_are_named(name: str) -> None:
     """They were errors of Python, about arguments of another function or a list without `spec`."""

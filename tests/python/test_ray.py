@@ -175,6 +175,8 @@ def test_a_killed_actor_is_restarted_and_leaves_no_second_pool(fleet: Fleet) -> 
 def test_a_pool_that_cannot_start_says_why(cluster: Cluster) -> None:
     with pytest.raises(sp.errors.StartError, match="2s3zz.* is neither a standard scenario"):
         start("2s3zz", name="wrong")
+    with pytest.raises(sp.errors.InvalidRequest, match="lanes must be at least 1, got 0"):
+        start("2s3z", 2, lanes=0, name="wrong")
     start("2s3z", 2, name="wrong").stop()  # nothing is in the way
 
 

@@ -303,6 +303,9 @@ def test_seeds_reproduce_episodes(env: StarCraftCapabilityEnvWrapper) -> None:
     assert first[0][1] != first[1][1] or not np.array_equal(first[0][0][1], first[1][0][1])
     env.seed(5)
     np.testing.assert_equal(random_episode(env, np.random.default_rng(0)), first[0])
+    env.close()
+    with pytest.raises(sp.errors.Closed):
+        env.reset()
 
 
 @pytest.mark.parametrize("published", [False, True])

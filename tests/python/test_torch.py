@@ -68,6 +68,9 @@ WRITES: dict[str, Callable[[Any], Any]] = {
     "function": lambda t: torch.nn.functional.relu(t, inplace=True),
     "initialiser": lambda t: torch.nn.init.zeros_(t),
     "resized": lambda t: t.resize_(1),
+    "not in the schema": lambda t: torch.nn.functional.batch_norm(
+        torch.randn(3, 80), t[0, 0], t[0, 1], training=True
+    ),
 }
 
 
@@ -115,6 +118,12 @@ def test_what_is_computed_is_ordinary(envs: sp.Envs) -> None:
     buffer = torch.zeros(3, 8, 5, 80)
     buffer[1] = seen["obs"]
     assert torch.equal(buffer[1], seen["obs"].plain)
+
+
+def test_a_number_has_a_format(envs: sp.Envs) -> None:
+    """`f"{reward:.2f}"` was a TypeError, as torch formats numbers of its own class alone."""
+    seen = tensor(envs.reset(seed=1).obs)
+    assert f"{seen[0, 0, 0]:.2f}" == f"{seen.plain[0, 0, 0]:.2f}"
 
 
 def test_copies_are_ordinary(envs: sp.Envs) -> None:

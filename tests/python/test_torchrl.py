@@ -118,6 +118,11 @@ def test_steps_of_some_environments_are_refused(env: PoolEnv) -> None:
     assert (env.step(step)["next", "info", "episode_length"] == 1).all()
 
 
+def test_a_step_without_actions_says_what_is_missing(env: PoolEnv) -> None:
+    with pytest.raises(sp.errors.InvalidRequest, match=r'has no \("agents", "action"\)'):
+        env.step(env.reset(seed=1))
+
+
 def test_a_saved_state_has_the_same_future_again() -> None:
     with closing(
         PoolEnv("2s3z", 4, fields=["obs", "state", "avail_actions", "snapshot", *INFO_FIELDS])

@@ -41,11 +41,13 @@ class ReadOnly(Tensor):
     ) -> Any:
         """Run an operation of torch; its `_schema` says which arguments it writes and what it returns."""
         kwargs, schema = kwargs or {}, func._schema
-        if schema.is_mutable:
+        if schema.is_mutable or "batch_norm" in schema.name:
             given = {argument.name: value for argument, value in zip(schema.arguments, args, strict=False)}
             given |= kwargs
             for argument in schema.arguments:
-                if argument.alias_info is not None and argument.alias_info.is_write:
+                is_write = argument.alias_info is not None and argument.alias_info.is_write
+                # The schemas of batch normalisation do not say that training changes these.
+                if is_write or (argument.name in ("running_mean", "running_var") and given.get("training")):
                     _refuse_write(func, given.get(argument.name))
         result = func(*_plain(args), **{name: _plain(value) for name, value in kwargs.items()})
         returns_alias = any(returned.alias_info is not None for returned in schema.returns)
@@ -58,6 +60,9 @@ class ReadOnly(Tensor):
     def tolist(self) -> Any:
         """The elements as Python numbers, in nested lists."""
         return self.plain.tolist()
+
+    def __format__(self, format_spec: str) -> str:
+        return format(self.plain, format_spec)
 
     def __repr__(self, *, tensor_contents: Any = None) -> str:  # type: ignore[override]
         return f"ReadOnly({self.plain!r})"

@@ -335,11 +335,13 @@ def make_vector(
 
     Raises InvalidRequest, ScenarioError and StartError.
     """
-    check_keywords(make_vector, settings, ["episode_limit"])
+    check_keywords(make_vector, settings)
     if settings.get("fields") is not None and autoreset_mode in (AutoresetMode.SAME_STEP, "SameStep"):
         fields = require_names("fields", settings["fields"])
         settings["fields"] = list(dict.fromkeys([*fields, *_final(fields)]))
     if max_episode_steps is not None:
+        if "episode_limit" in settings:
+            raise InvalidRequest("episode_limit and max_episode_steps are one limit here; give one of them")
         settings["episode_limit"] = max_episode_steps
     check_render_mode(render_mode)
     check_render_speed(render_speed)

@@ -52,7 +52,7 @@ from types import TracebackType
 from typing import Any
 
 from .._native import Envs, connect, status
-from ..errors import ConnectError, LaneTaken, NoSuchPool, PoolDied, PoolError, StartError
+from ..errors import ConnectError, InvalidRequest, LaneTaken, NoSuchPool, PoolDied, PoolError, StartError
 from ..types import PoolStatus
 from ._extra import extra
 
@@ -282,8 +282,11 @@ def start(
         timeout: seconds to wait for the pools.
 
     A second call with the same name starts pools on nodes that have joined since, and leaves the others
-    running. Raises StartError with the output of the program; the whole fleet is stopped then.
+    running. Raises InvalidRequest for less than one lane, and StartError with the output of the program; the
+    whole fleet is stopped then.
     """
+    if lanes < 1:
+        raise InvalidRequest(f"lanes must be at least 1, got {lanes}")
     arguments = [f"lane-{lane}={scenario}:{num_envs}" for lane in range(lanes)] + [*serve]
     seed = secrets.randbits(32) if seed is None else seed
     if threads is not None:

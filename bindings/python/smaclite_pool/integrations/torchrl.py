@@ -32,6 +32,7 @@ from .._layout import Bounds, field_bounds
 from .._native import Batch, Envs, Renderer, make
 from .._render import LaneViewer, check_render_mode, check_render_speed
 from .._requirements import require_synchronous
+from .._wrapper import Wrapper
 from ..errors import InvalidRequest
 from ._common import (
     ENEMY_FIELDS,
@@ -130,13 +131,14 @@ class PoolEnv(EnvBase):
         check_keywords(type(self), settings, ["autoreset_mode"])
         check_render_mode(render_mode)
         check_render_speed(render_speed)
-        if isinstance(scenario, Envs):
+        envs: Any
+        if isinstance(scenario, Envs | Wrapper):
             if num_envs not in (None, scenario.spec.num_envs):
                 settings["num_envs"] = num_envs
             if settings:
                 raise InvalidRequest(f"a running pool has its own settings; remove {', '.join(settings)}")
-            self._check(scenario)
             envs = scenario
+            self._check(envs)
         else:
             refuse_settings("an environment of TorchRL", {"autoreset_mode": WAITS_FOR_RESET}, settings)
             envs = make(scenario, 64 if num_envs is None else num_envs, autoreset_mode="Disabled", **settings)
@@ -233,7 +235,13 @@ class PoolEnv(EnvBase):
                 "rollout(break_when_all_done=True) does: use break_when_any_done=False, which resets those "
                 "that end, or SerialEnv with environments of one battle each"
             )
-        each = [tensordict.get((group, "action")).detach().cpu() for group in self.group_map]
+        given = {group: tensordict.get((group, "action"), None) for group in self.group_map}
+        for group, actions in given.items():
+            if actions is None:
+                raise InvalidRequest(
+                    f'the TensorDict has no ("{group}", "action"); a policy or `rand_step` adds it'
+                )
+        each = [actions.detach().cpu() for actions in given.values()]
         batch = self.envs.step(torch.cat(each, dim=-1).contiguous().numpy())
         self._viewer.observe(batch)
         observed = self._decode(batch)
@@ -268,7 +276,7 @@ class PoolEnv(EnvBase):
         and if the lane omits dead_allies, dead_enemies, episode_length or snapshot.
         """
         require_fields(self.envs, "restore", Ends.FIELDS)
-        batch = self.envs.reset(seed, env_id=env_id, snapshots=snapshots.cpu().numpy())
+        batch = self.envs.reset(seed, env_id=env_id, snapshots=torch.as_tensor(snapshots).cpu().numpy())
         self._viewer.observe(batch)
         return self._decode(batch).update(self._ends(*Ends(self.envs)(batch)))
 

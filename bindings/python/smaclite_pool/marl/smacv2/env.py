@@ -14,7 +14,7 @@ from ..._layout import Floats
 from ..._native import CapabilityBattle
 from ..._render import RENDER_MODES, Window
 from ..._requirements import require_integer
-from ...errors import InvalidRequest
+from ...errors import Closed, InvalidRequest
 from ..smac.env import check_fixed
 from ..smac.unavailable import Unavailable
 from .base import UnavailableAction
@@ -137,7 +137,7 @@ class StarCraft2Env(Queries):
         self._set_constants()
         self._names = FeatureNames(self._scenario, self.n_actions)
         self.battles_won = self.battles_game = self.timeouts = self.force_restarts = 0
-        self._has_begun = self._has_ended = self._has_been_seen = False
+        self._has_begun = self._has_ended = self._has_been_seen = self._is_closed = False
 
     def _set_constants(self) -> None:
         """The attributes that analysis scripts read."""
@@ -161,6 +161,8 @@ class StarCraft2Env(Queries):
         The random generator continues, unless `seed` was called. The battle draws teams, start positions and
         capabilities itself; an `episode_config` with values raises Unavailable.
         """
+        if self._is_closed:
+            raise Closed("the environment is closed; make another one")
         for name, value in (episode_config or {}).items():
             if value != DRAWN_BY_THE_BATTLE:
                 raise Unavailable(f"{name} cannot be given: the battle draws it, from its seed")
@@ -278,7 +280,7 @@ class StarCraft2Env(Queries):
 
     def close(self) -> None:
         """End the battle and close the window. Calling it again has no effect."""
-        self._has_begun = False
+        self._has_begun, self._is_closed = False, True
         self._window.close()
 
     def _require_episode(self) -> None:
