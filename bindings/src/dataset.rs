@@ -8,9 +8,9 @@ use crate::wait::{interruptible, run_on_thread};
 use numpy::PyArray1;
 use pyo3::exceptions::{PyMemoryError, PyTypeError};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyDict, PySlice};
 use smaclite_engine::{BattleSetup, Opponents, Rules};
-use smaclite_lab::{ARRAYS, ArrayName, Dataset as Recipe, DatasetError, PerRow, Values};
+use smaclite_lab::{ARRAYS, ArrayName, Dataset as Recipe, DatasetError, PerRow};
 use smaclite_pool::PoolOptions;
 use smaclite_pool::fields::Axis;
 use std::io;
@@ -236,11 +236,10 @@ impl Dataset {
                 PerRow::Episode => self.recipe.episodes().len(),
             };
             shape.insert(0, n_rows);
-            let flat = match values {
-                Values::F32(values) => PyArray1::from_vec(py, values).into_any(),
-                Values::I32(values) => PyArray1::from_vec(py, values).into_any(),
-                Values::Bool(values) => PyArray1::from_vec(py, values).call_method1("view", ("bool",))?,
-            };
+            let (words, n_bytes) = values.into_words();
+            let dtype = array.spec().dtype;
+            let memory = PyArray1::from_vec(py, words).call_method1("view", (dtype.name(),))?;
+            let flat = memory.get_item(PySlice::new(py, 0, (n_bytes / dtype.size()) as isize, 1))?;
             dict.set_item(array.spec().name, flat.call_method1("reshape", (shape,))?)?;
         }
         Ok(dict)

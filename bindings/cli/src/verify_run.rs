@@ -61,9 +61,13 @@ impl VerifyRun {
             Which::Final => 0,
         };
         let verified = verify(folder, evaluations, threads, interrupted)?;
-        let of_end = if verified.is_final { " and the final one" } else { "" };
+        let (of_end, missing) = match verified.is_final {
+            true => (" and the final one", ""),
+            false => ("", "; the run has no final episodes (final.json), which it has when it is complete"),
+        };
         out!(
-            "{}: {} evaluations{of_end} played again, {} episodes: every return, length and win is equal",
+            "{}: {} evaluations{of_end} played again, {} episodes: every return, length and win is \
+             equal{missing}",
             folder.display(),
             verified.evaluations,
             verified.episodes

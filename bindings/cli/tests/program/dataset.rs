@@ -64,10 +64,16 @@ fn a_run_is_recorded_by_its_qualities() {
     assert!(counts.len() > 1 && counts.iter().sum::<u64>() == 10, "{counts:?}");
     output(folder, "dataset record run --episodes 10 --out best.smdata");
     let printed = output(folder, "dataset show best.smdata");
-    assert!(printed.contains("\nrun/best.safetensors "), "{printed}");
+    let best = printed.lines().find(|line| line.starts_with("run/best.safetensors "));
+    assert!(best.is_some_and(|row| row.contains(" steps ")), "it says for how long it trained: {printed}");
 
     let record = "dataset record run --episodes 10";
-    check_error(folder, &format!("{record} --quality best --out a.smdata"), 2, "unknown quality `best`");
+    check_error(
+        folder,
+        &format!("{record} --quality best --out a.smdata"),
+        2,
+        "quality must be `good`, `medium`",
+    );
     check_error(
         folder,
         &format!("{record} --quality good --out a.npy"),

@@ -139,171 +139,79 @@ impl ArrayName {
         self.spec().axes.iter().map(length).collect()
     }
 
-    /// Elements of a row.
-    pub(super) fn row_len(self, sizes: &Sizes) -> usize {
-        self.row_shape(sizes).iter().product()
+    /// Bytes of a row.
+    pub(super) fn row_bytes(self, sizes: &Sizes) -> usize {
+        self.row_shape(sizes).iter().product::<usize>() * self.spec().dtype.size()
     }
 }
 
-/// The elements of an array, row by row.
+/// The elements of an array, row by row. The memory is aligned for every element type.
 #[derive(Clone, Debug, PartialEq)]
-#[allow(missing_docs)]
-pub enum Values {
-    F32(Vec<f32>),
-    I32(Vec<i32>),
-    /// Each 0 or 1.
-    Bool(Vec<u8>),
+pub struct Values {
+    words: Vec<u32>,
+    n_bytes: usize,
 }
 
 impl Values {
-    pub(super) fn zeros(dtype: Dtype, len: usize) -> Values {
-        match dtype {
-            Dtype::F32 => Values::F32(vec![0.0; len]),
-            Dtype::I32 => Values::I32(vec![0; len]),
-            Dtype::Bool | Dtype::U8 => Values::Bool(vec![0; len]),
-        }
-    }
-
-    /// Number of elements.
-    pub fn len(&self) -> usize {
-        match self {
-            Values::F32(values) => values.len(),
-            Values::I32(values) => values.len(),
-            Values::Bool(values) => values.len(),
-        }
-    }
-
-    /// Whether there are none.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
+    pub(super) fn zeros(n_bytes: usize) -> Values {
+        Values { words: vec![0; n_bytes.div_ceil(4)], n_bytes }
     }
 
     /// The elements as a file has them.
     pub fn bytes(&self) -> &[u8] {
-        match self {
-            Values::F32(values) => bytemuck::cast_slice(values),
-            Values::I32(values) => bytemuck::cast_slice(values),
-            Values::Bool(values) => values,
-        }
+        &bytemuck::cast_slice(&self.words)[..self.n_bytes]
     }
 
-    pub(super) fn resize(&mut self, len: usize) {
-        match self {
-            Values::F32(values) => values.resize(len, 0.0),
-            Values::I32(values) => values.resize(len, 0),
-            Values::Bool(values) => values.resize(len, 0),
-        }
+    /// The memory, and how many bytes of it are elements.
+    pub fn into_words(self) -> (Vec<u32>, usize) {
+        (self.words, self.n_bytes)
     }
 
-    fn part(&mut self) -> Part<'_> {
-        match self {
-            Values::F32(values) => Part::F32(values),
-            Values::I32(values) => Part::I32(values),
-            Values::Bool(values) => Part::Bool(values),
-        }
+    pub(super) fn resize(&mut self, n_bytes: usize) {
+        self.words.resize(n_bytes.div_ceil(4), 0);
+        self.n_bytes = n_bytes;
+    }
+
+    fn bytes_mut(&mut self) -> &mut [u8] {
+        &mut bytemuck::cast_slice_mut(&mut self.words)[..self.n_bytes]
     }
 }
 
-/// Some rows of an array.
-enum Part<'a> {
-    F32(&'a mut [f32]),
-    I32(&'a mut [i32]),
-    Bool(&'a mut [u8]),
-}
-
-impl<'a> Part<'a> {
-    fn split_at(self, len: usize) -> (Part<'a>, Part<'a>) {
-        match self {
-            Part::F32(values) => {
-                let (front, back) = values.split_at_mut(len);
-                (Part::F32(front), Part::F32(back))
-            }
-            Part::I32(values) => {
-                let (front, back) = values.split_at_mut(len);
-                (Part::I32(front), Part::I32(back))
-            }
-            Part::Bool(values) => {
-                let (front, back) = values.split_at_mut(len);
-                (Part::Bool(front), Part::Bool(back))
-            }
-        }
-    }
-
-    fn bytes(&self) -> &[u8] {
-        match self {
-            Part::F32(values) => bytemuck::cast_slice(values),
-            Part::I32(values) => bytemuck::cast_slice(values),
-            Part::Bool(values) => values,
-        }
-    }
-}
-
-/// Rows of all arrays that belong to some episodes. Arrays that are not wanted are empty.
+/// The bytes of the rows of all arrays that belong to some episodes. Arrays that are not wanted are empty.
 pub(super) struct Rows<'a> {
-    parts: [Part<'a>; N_ARRAYS],
-    row_lens: [usize; N_ARRAYS],
+    parts: [&'a mut [u8]; N_ARRAYS],
+    row_bytes: [usize; N_ARRAYS],
 }
 
 impl<'a> Rows<'a> {
     pub fn new(values: &'a mut [Values; N_ARRAYS], sizes: &Sizes) -> Rows<'a> {
-        let row_lens = ArrayName::ALL.map(|array| array.row_len(sizes));
-        Rows { parts: values.each_mut().map(Values::part), row_lens }
+        let row_bytes = ArrayName::ALL.map(|array| array.row_bytes(sizes));
+        Rows { parts: values.each_mut().map(Values::bytes_mut), row_bytes }
     }
 
-    /// The rows of the first steps and episodes, and the rest.
-    pub fn split_at(self, steps: usize, episodes: usize) -> (Rows<'a>, Rows<'a>) {
-        let Rows { parts, row_lens } = self;
-        let mut back = Vec::with_capacity(N_ARRAYS);
-        let mut i = 0;
-        let front = parts.map(|part| {
+    /// Takes the rows of the first steps and episodes away.
+    pub fn take(&mut self, steps: usize, episodes: usize) -> Rows<'a> {
+        let row_bytes = self.row_bytes;
+        let parts = std::array::from_fn(|i| {
+            let rest = std::mem::take(&mut self.parts[i]);
             let rows = if ARRAYS[i].per == Step { steps } else { episodes };
-            let len = if part.bytes().is_empty() { 0 } else { rows * row_lens[i] };
-            let (front, rest) = part.split_at(len);
-            back.push(rest);
-            i += 1;
+            let (front, rest) = rest.split_at_mut(if rest.is_empty() { 0 } else { rows * row_bytes[i] });
+            self.parts[i] = rest;
             front
         });
-        let mut back = back.into_iter();
-        let back = front.each_ref().map(|_| back.next().unwrap_or(Part::Bool(&mut [])));
-        (Rows { parts: front, row_lens }, Rows { parts: back, row_lens })
+        Rows { parts, row_bytes }
     }
 
-    fn range(&self, array: ArrayName, row: usize) -> std::ops::Range<usize> {
-        let len = self.row_lens[array as usize];
-        row * len..(row + 1) * len
-    }
-
-    /// A row of an array of floats; `None` if the array is not wanted.
-    pub fn floats(&mut self, array: ArrayName, row: usize) -> Option<&mut [f32]> {
-        let range = self.range(array, row);
-        match &mut self.parts[array as usize] {
-            Part::F32(values) => values.get_mut(range),
-            _ => None,
-        }
-    }
-
-    /// A row of an array of integers.
-    pub fn integers(&mut self, array: ArrayName, row: usize) -> Option<&mut [i32]> {
-        let range = self.range(array, row);
-        match &mut self.parts[array as usize] {
-            Part::I32(values) => values.get_mut(range),
-            _ => None,
-        }
-    }
-
-    /// A row of an array of truth values.
-    pub fn bools(&mut self, array: ArrayName, row: usize) -> Option<&mut [u8]> {
-        let range = self.range(array, row);
-        match &mut self.parts[array as usize] {
-            Part::Bool(values) => values.get_mut(range),
-            _ => None,
-        }
+    /// A row of an array of elements of type `T`; `None` if the array is not wanted.
+    pub fn row<T: bytemuck::Pod>(&mut self, array: ArrayName, row: usize) -> Option<&mut [T]> {
+        debug_assert_eq!(array.spec().dtype.size(), size_of::<T>());
+        let size = self.row_bytes[array as usize];
+        self.parts[array as usize].get_mut(row * size..(row + 1) * size).map(bytemuck::cast_slice_mut)
     }
 
     /// The bytes of some rows; empty if the array is not wanted.
     pub fn bytes(&self, array: ArrayName, rows: std::ops::Range<usize>) -> &[u8] {
-        let bytes = self.parts[array as usize].bytes();
-        let row_bytes = self.row_lens[array as usize] * array.spec().dtype.size();
-        bytes.get(rows.start * row_bytes..rows.end * row_bytes).unwrap_or(&[])
+        let size = self.row_bytes[array as usize];
+        self.parts[array as usize].get(rows.start * size..rows.end * size).unwrap_or(&[])
     }
 }

@@ -40,6 +40,8 @@ pub enum DatasetError {
     OtherBits { file: String, array: &'static str, recorded: String, played: String, program: String },
     #[error("{folder}: exists; the arrays must be written to a new folder")]
     FolderExists { folder: String },
+    #[error("a dataset needs at least one step or episode, got 0")]
+    Nothing,
     #[error("a dataset needs battles that end: the scenario or the run must have an episode limit")]
     NoLimit,
     #[error("a dataset has the actions of the agents only, but in this run joint actions play both sides")]

@@ -41,7 +41,8 @@ struct Workspace {
 }
 
 impl Dataset {
-    /// Plays all episodes again, and returns these arrays, in memory.
+    /// Plays all episodes again, and returns these arrays, in memory, each once and in the order of
+    /// [`ARRAYS`].
     ///
     /// # Errors
     /// If this version plays an episode otherwise than it was recorded, or the card has other returns or
@@ -128,15 +129,8 @@ impl Dataset {
         let job = |first: usize| {
             let episodes = first..(first + CHUNK).min(self.episodes.len());
             let steps = self.steps_of_all(&episodes).len();
-            let (front, back) = match rows.take() {
-                Some(rows) => {
-                    let (front, back) = rows.split_at(steps, episodes.len());
-                    (Some(front), Some(back))
-                }
-                None => (None, None),
-            };
-            rows = back;
-            Job { episodes, rows: front, played: Ok(Vec::new()) }
+            let rows = rows.as_mut().map(|rows| rows.take(steps, episodes.len()));
+            Job { episodes, rows, played: Ok(Vec::new()) }
         };
         firsts.map(job).collect()
     }
@@ -160,7 +154,7 @@ impl Dataset {
         }
         let (n_steps, sizes) = (self.steps_of_all(&episodes).len(), self.sizes());
         for (array, values) in ArrayName::ALL.into_iter().zip(values.iter_mut()) {
-            values.resize(n_rows(array, wanted, n_steps, episodes.len()) * array.row_len(&sizes));
+            values.resize(n_rows(array, wanted, n_steps, episodes.len()) * array.row_bytes(&sizes));
         }
         self.play_chunk(episodes, &mut Rows::new(values, &sizes), battle, scratch, take)
     }
@@ -210,7 +204,7 @@ impl Dataset {
             self.compare(index, step - steps.start, &outcome)?;
         }
         observe(battle, FINAL, row, rows, scratch);
-        if let Some(start) = rows.integers(ArrayName::EpisodeStart, row) {
+        if let Some(start) = rows.row::<i32>(ArrayName::EpisodeStart, row) {
             start[0] = steps.start as i32; // at most `MAX_STEPS`
         }
         let steps = steps.start - first..steps.end - first;
@@ -254,7 +248,7 @@ impl Dataset {
     fn check_memory(&self, wanted: Wanted) -> Result<(), DatasetError> {
         let bytes_of = |array: ArrayName| {
             let n_rows = n_rows(array, wanted, self.n_steps(), self.episodes.len());
-            n_rows.saturating_mul(array.row_len(&self.sizes()) * array.spec().dtype.size())
+            n_rows.saturating_mul(array.row_bytes(&self.sizes()))
         };
         let bytes = ArrayName::ALL.into_iter().map(bytes_of).fold(0, usize::saturating_add);
         let granted = Vec::<u8>::new().try_reserve_exact(bytes);
@@ -263,8 +257,7 @@ impl Dataset {
 
     fn zeros(&self, wanted: Wanted, steps: usize, episodes: usize) -> [Values; N_ARRAYS] {
         ArrayName::ALL.map(|array| {
-            let n_rows = n_rows(array, wanted, steps, episodes);
-            Values::zeros(array.spec().dtype, n_rows * array.row_len(&self.sizes()))
+            Values::zeros(n_rows(array, wanted, steps, episodes) * array.row_bytes(&self.sizes()))
         })
     }
 }
@@ -303,22 +296,22 @@ const FINAL: [ArrayName; 3] = [ArrayName::FinalObs, ArrayName::FinalState, Array
 
 fn observe(battle: &Battle, arrays: [ArrayName; 3], row: usize, rows: &mut Rows<'_>, scratch: &mut Scratch) {
     let [obs, state, avail_actions] = arrays;
-    if let Some(out) = rows.floats(obs, row) {
+    if let Some(out) = rows.row(obs, row) {
         battle.write_obs(Faction::Ally, out, scratch);
     }
-    if let Some(out) = rows.floats(state, row) {
+    if let Some(out) = rows.row(state, row) {
         battle.write_state(Faction::Ally, out);
     }
-    if let Some(out) = rows.bools(avail_actions, row) {
+    if let Some(out) = rows.row(avail_actions, row) {
         battle.write_avail_actions(Faction::Ally, out);
     }
 }
 
 fn write_step(actions: &[i32], outcome: &Step, row: usize, rows: &mut Rows<'_>) {
-    if let Some(out) = rows.integers(ArrayName::Actions, row) {
+    if let Some(out) = rows.row(ArrayName::Actions, row) {
         out.copy_from_slice(actions);
     }
-    if let Some(out) = rows.floats(ArrayName::Reward, row) {
+    if let Some(out) = rows.row::<f32>(ArrayName::Reward, row) {
         out[0] = outcome.reward as f32; // as lanes do
     }
     let ends = [
@@ -327,7 +320,7 @@ fn write_step(actions: &[i32], outcome: &Step, row: usize, rows: &mut Rows<'_>) 
         (ArrayName::BattleWon, outcome.battle_won),
     ];
     for (array, value) in ends {
-        if let Some(out) = rows.bools(array, row) {
+        if let Some(out) = rows.row::<u8>(array, row) {
             out[0] = u8::from(value);
         }
     }

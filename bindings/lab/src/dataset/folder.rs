@@ -104,7 +104,7 @@ fn n_rows(array: ArrayName, dataset: &Dataset) -> usize {
 }
 
 fn row_bytes(array: ArrayName, dataset: &Dataset) -> usize {
-    array.row_len(&dataset.sizes()) * array.spec().dtype.size()
+    array.row_bytes(&dataset.sizes())
 }
 
 #[cfg(test)]

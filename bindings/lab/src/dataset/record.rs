@@ -6,7 +6,10 @@ use super::{Card, Dataset, DatasetError, End, Episode, Policy, starts};
 use smaclite_engine::policy::Tactic;
 use smaclite_engine::{Arena, BattleSetup, Opponents, Scratch, Sides};
 use smaclite_learn::battles::{LOCKSTEP, Play, Player, Players};
-use smaclite_learn::{Choice, RunDescription, TrainedTeam, Weights, parallel, with_an_end, zoo_card};
+use smaclite_learn::{
+    Choice, EvaluationFiles, EvaluationRow, RunDescription, TrainedTeam, Weights, parallel, with_an_end,
+    zoo_card,
+};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -110,6 +113,9 @@ impl Dataset {
         recording: &Recording,
         interrupted: &mut dyn FnMut() -> bool,
     ) -> Result<Dataset, DatasetError> {
+        if matches!(recording.amount, Amount::Steps(0) | Amount::Episodes(0)) {
+            return Err(DatasetError::Nothing);
+        }
         let (setup, players) = recording.source.open()?;
         let arena = recorded_arena(&setup)?;
         let n_policies = players.len();
@@ -159,15 +165,24 @@ fn recorded_arena(setup: &BattleSetup) -> Result<Arc<Arena>, DatasetError> {
     }
 }
 
-/// What a dataset says of a team: whose it is, and for a team of the zoo how it was trained and plays.
-fn policy_of(folder: &Path, weights: Weights) -> Result<Policy, DatasetError> {
+/// What a dataset says of a team: whose it is, and where that is known how it was trained and plays, for a
+/// run on several maps on the first of them.
+fn policy_of(folder: &Path, weights: Weights, maps: usize) -> Result<Policy, DatasetError> {
     if let Some(card) = zoo_card(folder)? {
         let name = folder.display().to_string();
         let (training_steps, sampled_win_rate) = (Some(card.steps), Some(card.sampled.win_rate));
         return Ok(Policy { name, training_steps, sampled_win_rate });
     }
     let name = name_in(folder, Path::new(weights.file_name()));
-    Ok(Policy { name, training_steps: None, sampled_win_rate: None })
+    let mut policy = Policy { name, training_steps: None, sampled_win_rate: None };
+    if weights == Weights::Best {
+        let files = EvaluationFiles::of(folder);
+        policy.training_steps = EvaluationRow::best(&files.rows()?).map(|best| best.steps);
+        let rows = files.rows_on_first(maps)?;
+        let best = rows.iter().find(|row| Some(row.steps) == policy.training_steps);
+        policy.sampled_win_rate = best.map(|best| best.sampled.win_rate);
+    }
+    Ok(policy)
 }
 
 impl Source {
@@ -186,7 +201,7 @@ impl Source {
                 let players = match quality {
                     None => {
                         let weights = Weights::of(folder, &run);
-                        let policy = policy_of(folder, weights)?;
+                        let policy = policy_of(folder, weights, run.map_count())?;
                         let team = TrainedTeam::open_with(folder, Some(weights))?;
                         vec![(policy, Player::Team(Box::new(team)))]
                     }

@@ -58,10 +58,7 @@ fn threads_change_no_bit() {
 fn arrays_are_what_battles_give() {
     let dataset = recorded(2);
     let arrays = all(&dataset, 2);
-    let floats = |array: ArrayName| match &arrays[array as usize].1 {
-        Values::F32(values) => values,
-        other => panic!("{array:?} has other numbers: {other:?}"),
-    };
+    let floats = |array: ArrayName| -> &[f32] { bytemuck::cast_slice(arrays[array as usize].1.bytes()) };
     let Sizes { n_agents, obs_size, state_size, .. } = dataset.sizes();
     let (mut obs, mut state) = (vec![0.0; n_agents * obs_size], vec![0.0; state_size]);
     let mut scratch = Scratch::new();
@@ -85,10 +82,7 @@ fn arrays_are_what_battles_give() {
 fn terminated_and_truncated_are_kept_apart() {
     let dataset = recorded(2);
     let arrays = all(&dataset, 2);
-    let bools = |array: ArrayName| match &arrays[array as usize].1 {
-        Values::Bool(values) => values,
-        other => panic!("{array:?} has other values: {other:?}"),
-    };
+    let bools = |array: ArrayName| arrays[array as usize].1.bytes();
     let mut ends = [0; 2];
     for (i, episode) in dataset.episodes().iter().enumerate() {
         let steps = dataset.steps_of(i);
@@ -125,7 +119,8 @@ fn files_of_numpy_have_the_same_bytes() {
 fn the_card_counts_what_was_played() {
     let dataset = recorded(2);
     let card = dataset.card();
-    let Values::F32(rewards) = &all(&dataset, 1)[ArrayName::Reward as usize].1 else { panic!() };
+    let arrays = all(&dataset, 1);
+    let rewards: &[f32] = bytemuck::cast_slice(arrays[ArrayName::Reward as usize].1.bytes());
     let total: f64 = rewards.iter().map(|reward| f64::from(*reward)).sum();
     assert!((card.returns.mean * 40.0 - total).abs() < 1e-6 * total);
     assert_eq!((card.episodes, card.steps), (40, dataset.n_steps()));

@@ -233,7 +233,12 @@ impl Tournament {
         if self.episodes == 0 {
             return Err(TournamentError::NoEpisodes);
         }
-        let twice = players.iter().enumerate().find(|(i, player)| players[..*i].contains(player));
+        // The folder of a team has several names.
+        let is_script = |name: &str| Opponent::scripts().any(|script| script.name() == name);
+        let folder = |name: &str| std::fs::canonicalize(name).ok().filter(|_| !is_script(name));
+        let are_one = |a: &String, b: &String| a == b || folder(a).is_some_and(|a| Some(a) == folder(b));
+        let is_known = |i: usize, player| players[..i].iter().any(|other| are_one(other, player));
+        let twice = players.iter().enumerate().find(|(i, player)| is_known(*i, player));
         twice.map_or(Ok(()), |(_, player)| Err(TournamentError::Twice(player.clone())))
     }
 
