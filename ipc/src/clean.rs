@@ -27,6 +27,9 @@ pub enum CleanError {
 
 /// Removes what killed pools and learners left in the runtime directory and in `/dev/shm`. Running ones are
 /// not affected.
+///
+/// # Errors
+/// If files or iceoryx2 cannot be read.
 pub fn clean(runtime_dir: &RuntimeDir) -> Result<CleanReport, CleanError> {
     let before = count_files(runtime_dir);
     for name in runtime_dir.stale_names() {

@@ -10,17 +10,16 @@
 //! use smaclite_scenarios::ScenarioFiles;
 //!
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! # let folder = tempfile::tempdir()?;
-//! # let runtime_dir = RuntimeDir::at(folder.path().to_owned())?;
-//! // Usually another process: `smaclite-pool serve 2s3z:4 --name train`.
+//! let runtime_dir = RuntimeDir::for_current_user()?;
+//! // Usually another process: `smaclite-pool serve 2s3z:4 --name rust-example`.
 //! let (_, files) = ScenarioFiles::resolve("2s3z")?;
 //! let lanes = vec![LaneConfig::new("2s3z", BattleSetup::new(files), 4)];
-//! let (name, options) = ("train".to_owned(), Default::default());
+//! let (name, options) = ("rust-example".to_owned(), Default::default());
 //! let config = SupervisorConfig { name, lanes, options, runtime_dir: runtime_dir.clone() };
 //! let supervisor = Supervisor::start(config)?;
 //!
 //! let wait = WaitOptions::forever();
-//! let mut client = Client::connect(&runtime_dir, "train", None, Default::default(), wait)?;
+//! let mut client = Client::connect(&runtime_dir, "rust-example", None, Default::default(), wait)?;
 //! let batch = client.reset(Some(1), None, WaitOptions::forever())?;
 //! assert_eq!(batch.obs().len(), 4 * 5 * client.description().sizes.obs_size);
 //! let mut actions = vec![0; 4 * 5];
@@ -88,6 +87,9 @@ use std::time::Duration;
 const CHECK_INTERVAL: Duration = Duration::from_millis(100);
 
 /// The status of a pool, if it answers in time.
+///
+/// # Errors
+/// If no pool of that name runs, or it does not answer in time.
 pub fn status(
     runtime_dir: &RuntimeDir,
     pool: &str,

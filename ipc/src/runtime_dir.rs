@@ -67,6 +67,9 @@ fn chmod(mode: u32) -> &'static str {
 impl RuntimeDir {
     /// `$SMACLITE_POOL_ROOT`, else `/tmp/smaclite-pool-<uid>`, or on other systems than Linux `smaclite-pool`
     /// in the user's folder of temporary files; created, private to this user, if it does not exist.
+    ///
+    /// # Errors
+    /// As [`at`](RuntimeDir::at).
     pub fn for_current_user() -> Result<RuntimeDir, RuntimeDirError> {
         RuntimeDir::at(std::env::var_os(ROOT_VARIABLE).map_or_else(files::default_root, PathBuf::from))
     }

@@ -75,6 +75,9 @@ struct WatchedLane {
 
 impl Spectator {
     /// Watches a lane of a pool that runs: its only lane, if none is named. Waits for the pool's answer.
+    ///
+    /// # Errors
+    /// As [`Client::connect`](crate::Client::connect), and if the lane has as many spectators as it can have.
     pub fn connect(
         runtime_dir: &RuntimeDir,
         pool: &str,
@@ -118,6 +121,9 @@ impl Spectator {
 
     /// The newest batch of any session that was sent since it attached, `None` before the first. Never
     /// blocks.
+    ///
+    /// # Errors
+    /// If the pool ended, or a frame is not one of this lane.
     pub fn latest(&mut self) -> Result<Option<&Batch>, ClientError> {
         let newer = self.newer()?;
         let lane = self.lane.get_mut()?;

@@ -253,6 +253,9 @@ impl ReadRequest {
 }
 
 /// Reads a request whose payload another process wrote and may still be writing.
+///
+/// # Errors
+/// If it is none of this lane: its marks, its length or its environments are wrong.
 pub fn read_request(
     header: RequestHeader,
     payload: &[u8],

@@ -63,5 +63,42 @@ impl EnemyPlayer {
         }
         let (position, episode_length) = (battle.generator().position(), battle.episode_length());
         policy.act(EnemyView { obs, avail_actions, position, episode_length }, actions);
+        let n_actions = avail_actions.len() / actions.len();
+        for (enemy, (&action, row)) in actions.iter().zip(avail_actions.chunks_exact(n_actions)).enumerate() {
+            let is_available = usize::try_from(action).is_ok_and(|action| row.get(action) == Some(&1));
+            assert!(
+                is_available,
+                "the team of the enemies chose action {action} for enemy {enemy}: unavailable"
+            );
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use smaclite_engine::{Arena, Rules, Sides};
+    use smaclite_scenarios::Scenario;
+    use std::sync::Arc;
+
+    struct Always(i32);
+
+    impl EnemyPolicy for Always {
+        fn act(&mut self, _: EnemyView<'_>, actions: &mut [i32]) {
+            actions.fill(self.0);
+        }
+    }
+
+    /// It was played as something else, and what was recorded of the battle could not be played again.
+    #[test]
+    #[should_panic = "chose action 99 for enemy 0: unavailable"]
+    fn an_unavailable_action_of_a_team_is_its_fault() {
+        let arena = Arena::new(&Scenario::standard("3m").unwrap(), Rules::default());
+        let battle = Battle::new(Arc::new(arena.with_sides(Sides::MIRRORED)), 0);
+        let team =
+            EnemyTeam { name: "own".to_owned(), last_actions: 0, make: Arc::new(|| Box::new(Always(99))) };
+        let mut player = EnemyPlayer::new(&team, battle.arena().sizes());
+        let agents = [const { AtomicI32::new(1) }; 3];
+        player.join(&battle, None, JointAction::new(&agents), &mut Scratch::new());
     }
 }

@@ -27,8 +27,9 @@ impl fmt::Debug for EnemyTeam {
 
 /// What chooses the actions of the enemies of one environment.
 pub trait EnemyPolicy: Send {
-    /// Writes an available action for each enemy. Equal views must give equal actions, whatever was played
-    /// before: so threads, snapshots and forks change nothing.
+    /// Writes an available action for each enemy; another one makes the lane fail, as a panic does. Equal
+    /// views must give equal actions, whatever was played before: so threads, snapshots and forks change
+    /// nothing.
     fn act(&mut self, view: EnemyView<'_>, actions: &mut [i32]);
 }
 

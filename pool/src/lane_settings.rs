@@ -47,8 +47,8 @@ pub enum LaneSettingsError {
     NumEnvs(usize),
     #[error("the batch size must be between 1 and {num_envs} (the number of environments), got {batch_size}")]
     BatchSize { batch_size: usize, num_envs: usize },
-    #[error("obs_last_actions must be between 0 and {MAX_LAST_ACTIONS}, got {0}")]
-    LastActions(usize),
+    #[error("{0} must be between 0 and {MAX_LAST_ACTIONS}, got {1}")]
+    LastActions(&'static str, usize),
 }
 
 impl LaneSettings {
@@ -79,10 +79,10 @@ impl LaneSettings {
         if batch_size == 0 || batch_size > num_envs {
             return Err(LaneSettingsError::BatchSize { batch_size, num_envs });
         }
-        if self.n_past() > MAX_LAST_ACTIONS {
-            return Err(LaneSettingsError::LastActions(self.n_past()));
-        }
-        Ok(())
+        let last_actions =
+            [("obs_last_actions", self.obs_last_actions), ("team_last_actions", self.team_last_actions)];
+        let wrong = last_actions.into_iter().find(|(_, given)| *given > MAX_LAST_ACTIONS);
+        wrong.map_or(Ok(()), |(name, given)| Err(LaneSettingsError::LastActions(name, given)))
     }
 
     /// How many joint actions environments and their snapshots keep, because observations have them.

@@ -56,6 +56,9 @@ struct Shared<T: Transport> {
 
 impl<T: Transport> Pool<T> {
     /// Builds the lanes and starts the threads.
+    ///
+    /// # Errors
+    /// If the transport of a lane has no frame, or a thread cannot be started.
     pub fn start(
         lanes: Vec<(LaneSpec, T::Inlet, T::Outlet)>,
         doorbell: T::Doorbell,

@@ -26,6 +26,9 @@ pub trait Inlet: Send + 'static {
     /// A received request, kept alive while it is read.
     type Message: Message + Send;
     /// The next message, if one is waiting. Never blocks.
+    ///
+    /// # Errors
+    /// If the transport fails.
     fn receive(&mut self) -> Result<Received<Self::Message>, TransportError>;
 }
 
@@ -226,7 +229,10 @@ pub(crate) fn read_seed<N: Number>(words: &[N; SEED_WORDS]) -> Option<u64> {
 pub unsafe trait Outlet: Send + 'static {
     /// The memory of a frame being filled, aligned to [`BLOCK_ALIGN`](crate::layout::BLOCK_ALIGN).
     type Loan: Send;
-    /// A frame to fill. An error means that no frame is free now. Never blocks.
+    /// A frame to fill. Never blocks.
+    ///
+    /// # Errors
+    /// If no frame is free now.
     fn loan(&mut self) -> Result<Self::Loan, TransportError>;
     /// The payload of a loaned frame; its address does not change until it is published.
     fn payload(loan: &mut Self::Loan) -> &mut [u8];

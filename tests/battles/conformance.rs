@@ -114,7 +114,7 @@ impl<'a> Replay<'a> {
         self.step.restore(&snapshot).unwrap_or_else(|e| fail(&e));
         let order = recording.order(t);
         let order = ExecutionOrder::Given(&order);
-        let step = self.step.step_in_order(&recording.actions[t], order, &mut self.scratch);
+        let step = self.step.step_observed(&recording.actions[t], order, &mut self.scratch, |_| {});
         let step = step.unwrap_or_else(|e| fail(&e));
         let mut comparison = compare::frame(recording, t + 1, &self.step);
         comparison.same("reward", recording.rewards[t], step.reward);

@@ -5,7 +5,7 @@
 //! seed and its actions depend on `i` alone, not on the lanes.
 
 use crate::architecture::Inputs;
-use crate::config::{Config, Enemies};
+use crate::config::{Config, Enemies, ensure};
 use crate::lane_error::LaneError;
 use crate::view::fields_read;
 use smaclite_engine::{BattleSetup, Faction, Sizes};
@@ -13,7 +13,7 @@ use smaclite_ipc::{
     Batch, Client, ClientError, ConnectError, LaneConfig, LaneDescription, Order, RuntimeDir, Seeds,
     Supervisor, SupervisorConfig, WaitOptions, WaitStrategy, lane_scenario,
 };
-use smaclite_pool::fields::{Field, FieldSet};
+use smaclite_pool::fields::Field;
 use smaclite_pool::{Autoreset, LaneSettings, PoolOptions};
 use std::path::Path;
 use std::sync::Arc;
@@ -110,6 +110,7 @@ impl Lanes {
     ) -> Result<Vec<Lanes>, LaneError> {
         let (mut lanes, mut names) = (Vec::new(), Vec::new());
         for (map, (setup, num_envs)) in maps.iter().enumerate() {
+            ensure(*num_envs > 0, "num_envs", "at least 1", num_envs)?;
             let halves = [("first", num_envs.div_ceil(2)), ("second", num_envs / 2)];
             let halves = halves.into_iter().filter(|(_, num_envs)| *num_envs > 0);
             let halves = halves.map(|(half, num_envs)| {
@@ -394,9 +395,7 @@ fn in_words(sizes: Sizes) -> String {
 /// A lane with the fields that a team reads, and the snapshots by which a run is resumed.
 fn lane_config(setup: &BattleSetup, name: &str, num_envs: usize) -> LaneConfig {
     let mut lane = LaneConfig::new(name, setup.clone(), num_envs);
-    let read: FieldSet = fields_read(setup.sides.are_both()).chain([Field::Snapshot]).collect();
-    let is_kept = |field: &Field| read.contains(*field) || !field.is_optional();
-    lane.settings.fields = FieldSet::ALL.iter().filter(is_kept).collect();
+    lane.settings.fields = fields_read(setup.sides.are_both()).chain([Field::Snapshot]).collect();
     lane
 }
 
@@ -408,7 +407,7 @@ fn check_settings(description: &LaneDescription) -> Result<(), LaneError> {
         return Err(LaneError::MissingField { lane, field: field.spec().name });
     }
     if settings.autoreset != Autoreset::NextStep {
-        return Err(LaneError::Autoreset { lane, given: settings.autoreset.name() });
+        return Err(LaneError::Autoreset { lane, given: settings.autoreset });
     }
     if !settings.is_synchronous() {
         let (batch_size, num_envs) = (settings.batch_size, settings.num_envs);

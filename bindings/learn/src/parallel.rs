@@ -12,6 +12,9 @@ pub struct Interrupted;
 /// calling thread is one of them, and asks before each of its jobs whether to stop.
 ///
 /// The threads live for one call. Starting one costs some 20 us, and a call works for milliseconds.
+///
+/// # Errors
+/// If `interrupted` returned true.
 pub fn run<J: Send, W: Send>(
     jobs: impl Iterator<Item = J> + Send,
     workspaces: &mut [W],

@@ -148,6 +148,9 @@ pub(crate) fn exists(path: &Path) -> bool {
 }
 
 /// Reads a file, if it is a regular one of a plausible size, or one of the zoo.
+///
+/// # Errors
+/// If it is none, or cannot be read.
 pub fn read(path: &Path) -> Result<Vec<u8>, FileError> {
     if let Some(bytes) = zoo_file(path) {
         return Ok(bytes.to_vec());

@@ -50,6 +50,9 @@ pub fn zoo_cards() -> Result<Vec<ZooCard>, FileError> {
 }
 
 /// The card of a team, if it is one of the zoo.
+///
+/// # Errors
+/// As [`zoo_cards`].
 pub fn zoo_card(folder: &Path) -> Result<Option<ZooCard>, FileError> {
     zoo_file(&folder.join("card.json")).is_some().then(|| read_card(folder)).transpose()
 }

@@ -7,6 +7,9 @@ use crate::zoo::{PREFIX, folder, zoo_file, zoo_teams};
 use std::path::{Path, PathBuf};
 
 /// Refuses a team of the zoo where more than its weights is needed.
+///
+/// # Errors
+/// If it is one.
 pub fn refuse_zoo_team(folder: &Path, missing: &'static str) -> Result<(), FileError> {
     match folder.to_str().is_some_and(|name| name.starts_with(PREFIX)) && !folder.is_dir() {
         true => Err(FileError::OfZoo { folder: folder.to_owned(), missing }),

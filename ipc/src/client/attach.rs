@@ -41,6 +41,10 @@ pub(super) struct Ports {
 impl Client {
     /// Attaches to a lane of a pool, to its only lane if none is named, and waits until the pool appears and
     /// answers. With a timeout of zero it must run already, and has 10 seconds to answer.
+    ///
+    /// # Errors
+    /// If no pool of that name answers in time, it has no such lane or another learner has it, the pool is of
+    /// another release, or memory is short.
     pub fn connect(
         runtime_dir: &RuntimeDir,
         pool: &str,

@@ -149,6 +149,10 @@ impl Client {
     /// environment first carries out what is outstanding, on this thread too.
     ///
     /// If the lane refuses the order, no environment changed, and the next [`recv`](Client::recv) says why.
+    ///
+    /// # Errors
+    /// If the order is not one of this lane, results of these environments are to come, or the pool ended or
+    /// does not accept it in time. Then nothing was sent.
     pub fn send(
         &mut self,
         order: Order<'_>,
@@ -163,6 +167,9 @@ impl Client {
     /// As [`send`](Client::send), but the thread of a learner in the process of its pool stays at work:
     /// [`recv`](Client::recv) or [`leave`](Client::leave) should follow at once. Until then its
     /// [`Supervisor`](crate::Supervisor) does not end: dropped on the same thread, it waits for ever.
+    ///
+    /// # Errors
+    /// As [`send`](Client::send).
     pub fn begin(
         &mut self,
         order: Order<'_>,
@@ -222,6 +229,9 @@ impl Client {
     }
 
     /// The [`request`](Client::request) of [`Order::Reset`] to the units of the scenario.
+    ///
+    /// # Errors
+    /// As [`request`](Client::request).
     pub fn reset(
         &mut self,
         seed: Option<u64>,
@@ -232,6 +242,9 @@ impl Client {
     }
 
     /// The [`request`](Client::request) of [`Order::Step`].
+    ///
+    /// # Errors
+    /// As [`request`](Client::request).
     pub fn step(
         &mut self,
         actions: &[i32],
@@ -248,6 +261,9 @@ impl Client {
 
     /// Draws uniformly random available actions into `out`, `[count, n_actors]`, for the environments of
     /// `env_ids`, which must be in the newest batch, or for all in order.
+    ///
+    /// # Errors
+    /// If `out` has another length, or the newest batch has not these environments.
     pub fn sample_actions(&mut self, env_ids: Option<&[i32]>, out: &mut [i32]) -> Result<(), ClientError> {
         let lane = self.lane.get_mut()?;
         lane.check_length(out.len(), env_ids)?;

@@ -49,12 +49,12 @@ impl<T> Message<T> {
     }
 }
 
-/// `release 0.1.0 (protocol 9)`.
+/// Such as `release 0.1.0 (protocol 1)`.
 pub(crate) fn release_text(release: &str, version: u32) -> String {
     format!("release {} (protocol {version})", release.escape_default())
 }
 
-/// Bytes of the longest request that a supervisor reads; the longest valid one names a lane.
+/// Bytes of the longest request that a supervisor reads; the longest valid one names a lane and environments.
 pub(crate) const MAX_REQUEST: usize = 1 << 16;
 
 /// Bytes of the longest response that a client reads: the status of more lanes than a process has file

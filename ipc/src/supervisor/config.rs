@@ -176,10 +176,9 @@ impl SupervisorConfig {
         let SupervisorConfig { name, lanes, options, runtime_dir } = self;
         check_name(&name)?;
         check_lanes(&lanes)?;
-        if options.threads > MAX_THREADS {
+        if !(1..=MAX_THREADS).contains(&options.threads) {
             return Err(StartError::Threads(options.threads));
         }
-        let options = PoolOptions { threads: options.threads.max(1), ..options };
         let since_epoch = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_nanos());
         let instance = format!("{name}.{}.{since_epoch:x}", std::process::id());
         let threads = options.threads;

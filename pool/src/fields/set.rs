@@ -13,6 +13,18 @@ impl FieldSet {
     /// Every field.
     pub const ALL: FieldSet = FieldSet((1 << FIELD_COUNT) - 1);
 
+    /// What every lane has.
+    const REQUIRED: FieldSet = {
+        let (mut set, mut i) = (FieldSet(0), 0);
+        while i < FIELD_COUNT {
+            if !FIELDS[i].field.is_optional() {
+                set.0 |= 1 << FIELDS[i].field as usize;
+            }
+            i += 1;
+        }
+        set
+    };
+
     /// What a lane has that names no fields: every field but the snapshot, the opponent, the level and the
     /// shares of single units. A lane leaves those out that it cannot have.
     pub const DEFAULT: FieldSet = {
@@ -29,8 +41,11 @@ impl FieldSet {
     }
 
     /// The fields of these names, and those that no lane can omit.
+    ///
+    /// # Errors
+    /// If there is no field of a name.
     pub fn from_names<S: AsRef<str>>(names: impl IntoIterator<Item = S>) -> Result<FieldSet, UnknownField> {
-        let mut set: FieldSet = FIELDS.iter().filter(|f| !f.field.is_optional()).map(|f| f.field).collect();
+        let mut set = FieldSet::REQUIRED;
         for name in names {
             let name = name.as_ref();
             let field = Field::from_name(name).ok_or_else(|| UnknownField(name.to_owned()))?;
@@ -49,9 +64,9 @@ impl FieldSet {
         self.0 |= 1 << field as usize;
     }
 
-    /// Removes a field.
+    /// Removes a field, unless no lane can omit it.
     pub fn remove(&mut self, field: Field) {
-        self.0 &= !(1 << field as usize);
+        self.0 &= !(1 << field as usize) | FieldSet::REQUIRED.0;
     }
 
     /// The fields in table order.
@@ -61,8 +76,9 @@ impl FieldSet {
 }
 
 impl FromIterator<Field> for FieldSet {
+    /// With those that no lane can omit.
     fn from_iter<I: IntoIterator<Item = Field>>(fields: I) -> Self {
-        let mut set = FieldSet(0);
+        let mut set = FieldSet::REQUIRED;
         fields.into_iter().for_each(|f| set.insert(f));
         set
     }

@@ -212,7 +212,10 @@ export class Inspector {
     const at = tick * track.units + unit,
       target = track.target[at],
       alive = track.alive[at] > 0;
-    const dead = track.deathTick[unit];
+    const wasAlive = track.alive[unit] > 0, // in the state in which the track begins
+      died = wasAlive
+        ? `died at ${(track.deathTick[unit] / TICKS_PER_SECOND).toFixed(1)} s`
+        : "dead at the start";
     /** @type {string | HTMLElement} */
     let aim = "none";
     if (alive && target >= 0) {
@@ -229,7 +232,7 @@ export class Inspector {
       ["Target", aim],
       ["Range", `${type.attack_range} squares, sight ${type.sight_range}`],
     ];
-    if (!alive) rows.unshift(["State", `died at ${(dead / TICKS_PER_SECOND).toFixed(1)} s`]);
+    if (!alive) rows.unshift(["State", died]);
     return make(
       "dl",
       { className: "pairs" },

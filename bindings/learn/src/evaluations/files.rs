@@ -108,7 +108,6 @@ impl EvaluationFiles {
             let counts = counts.get(steps).copied().unwrap_or_default();
             for (actions, found) in Choice::BOTH.into_iter().zip(counts) {
                 if found != expected {
-                    let actions = actions.name();
                     let why = format!(
                         "it has {found} {actions} episodes of the evaluation at {steps} steps, but \
                          {expected} were played"
@@ -127,6 +126,9 @@ impl EvaluationFiles {
 
     /// Removes all files of a run that was here, so that one that begins takes nothing over: neither its
     /// rows, nor its best weights, which would play instead of the new ones.
+    ///
+    /// # Errors
+    /// If they cannot be read or removed.
     pub fn clear(folder: &Path) -> Result<(), FileError> {
         for path in weights_in(&folder.join(WEIGHTS))? {
             remove(&path)?;
@@ -148,6 +150,9 @@ impl EvaluationFiles {
     }
 
     /// Writes the actor of an evaluation, in a folder that exists from the first one on.
+    ///
+    /// # Errors
+    /// If they cannot be written.
     pub fn write_weights(&self, steps: u64, actor: &Network) -> Result<(), FileError> {
         let folder = self.folder.join(WEIGHTS);
         fs::create_dir_all(&folder).map_err(|source| FileError::Write { path: folder, source })?;
@@ -155,12 +160,15 @@ impl EvaluationFiles {
     }
 
     /// Adds an evaluation.
+    ///
+    /// # Errors
+    /// If the files cannot be written.
     pub fn append(&self, row: &EvaluationRow, episodes: [&[Episode]; 2]) -> Result<(), FileError> {
         let mut text = String::new();
         for (actions, episodes) in Choice::BOTH.into_iter().zip(episodes) {
             for (i, episode) in episodes.iter().enumerate() {
                 let Episode { episode_return, length, won } = episode;
-                let (steps, actions, won) = (row.steps, actions.name(), u8::from(*won));
+                let (steps, won) = (row.steps, u8::from(*won));
                 text += &format!("{steps},{actions},{i},{episode_return},{length},{won}\n");
             }
         }
@@ -169,11 +177,17 @@ impl EvaluationFiles {
     }
 
     /// All rows, by step count.
+    ///
+    /// # Errors
+    /// If the file cannot be read or is damaged.
     pub fn rows(&self) -> Result<Vec<EvaluationRow>, FileError> {
         self.parse_rows(&self.lines(EVALUATIONS)?)
     }
 
     /// The same, with the means of the episodes on the first map of a run on so many.
+    ///
+    /// # Errors
+    /// As [`rows`](Self::rows), and if that of the episodes cannot be read.
     pub fn rows_on_first(&self, maps: usize) -> Result<Vec<EvaluationRow>, FileError> {
         let mut rows = self.rows()?;
         if maps > 1 {
@@ -216,6 +230,9 @@ impl EvaluationFiles {
     }
 
     /// The episodes of all evaluations, by step count.
+    ///
+    /// # Errors
+    /// If the file cannot be read or is damaged.
     pub fn episodes(&self) -> Result<Vec<(u64, BothEpisodes)>, FileError> {
         let path = self.folder.join(EPISODES);
         let text = self.lines(EPISODES)?;
@@ -260,7 +277,7 @@ fn first_number(line: &str) -> Option<u64> {
 fn parse_episode(line: &str) -> Option<(u64, Choice, Episode)> {
     let fields: Vec<&str> = line.split(',').collect();
     let &[steps, actions, _, episode_return, length, won] = &fields[..] else { return None };
-    let actions = Choice::BOTH.into_iter().find(|kind| kind.name() == actions)?;
+    let actions = actions.parse().ok()?;
     let episode_return = episode_return.parse().ok().filter(|value: &f32| value.is_finite())?;
     let won = match won {
         "0" => false,

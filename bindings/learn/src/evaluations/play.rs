@@ -141,6 +141,9 @@ impl Evaluator {
 
     /// Plays so many episodes on each map of the run with these weights, as files have them, and returns
     /// those of one map after the other. The same run, occasion and weights give the same episodes.
+    ///
+    /// # Errors
+    /// If `interrupted` returned true.
     pub fn play(
         &mut self,
         actor: &Network,

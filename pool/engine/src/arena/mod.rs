@@ -194,13 +194,16 @@ impl Arena {
 
     /// The same arena with joint actions that play these sides. If they are both, then
     /// [`Opponent::Learner`](crate::Opponent::Learner) is the opponent, until
-    /// [others](Self::with_opponents) are set.
+    /// [others](Self::with_opponents) are set; if they are the agents alone, the default one takes its place.
     pub fn with_sides(self, sides: Sides) -> Arena {
         let Sizes { n_actions, obs_size, state_size, .. } = self.enemy_sizes;
         let enemies = sides.are_both().then_some(EnemySizes { n_actions, obs_size, state_size });
         let sizes = Sizes { enemies, ..self.sizes };
-        let learner = sides.are_both().then_some(Opponent::Learner.into());
-        let opponents = learner.unwrap_or(self.opponents);
+        let opponents = match (sides.are_both(), self.opponents.check(sides)) {
+            (true, _) => Opponent::Learner.into(),
+            (false, Ok(())) => self.opponents,
+            (false, Err(_)) => Opponents::default(),
+        };
         Arena { sides, sizes, opponents, ..self }
     }
 
@@ -219,7 +222,7 @@ impl Arena {
         self.scenario_hash
     }
 
-    /// The same arena with another episode limit, or none.
+    /// The same arena with another episode limit, at least 1, or none.
     pub fn with_episode_limit(self, episode_limit: Option<u32>) -> Arena {
         let interface = self.interface;
         let interface = interface.map(|it| Arc::new(Interface::clone(&it).with_episode_limit(episode_limit)));
@@ -231,7 +234,7 @@ impl Arena {
         &self.opponents
     }
 
-    /// The same arena with other opponents.
+    /// The same arena with other opponents, of which a learner needs both sides ([`Opponents::check`]).
     pub fn with_opponents(self, opponents: Opponents) -> Arena {
         Arena { opponents, ..self }
     }

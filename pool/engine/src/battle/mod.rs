@@ -197,20 +197,8 @@ impl Battle {
         self.play(ExecutionOrder::Drawn, scratch, |_| {})
     }
 
-    /// As [`step`](Self::step), with the execution orders of a recording.
-    ///
-    /// # Errors
-    /// As [`check`](Self::check); then the battle is unchanged.
-    pub fn step_in_order(
-        &mut self,
-        actions: &[i32],
-        order: ExecutionOrder<'_>,
-        scratch: &mut Scratch,
-    ) -> Result<Step, IllegalAction> {
-        self.step_observed(actions, order, scratch, |_| {})
-    }
-
-    /// As [`step_in_order`](Self::step_in_order); `observe` is called with the battle after each tick.
+    /// As [`step`](Self::step), with these execution orders, such as those of a recording; `observe` is
+    /// called with the battle after each tick.
     ///
     /// # Errors
     /// As [`check`](Self::check); then the battle is unchanged.

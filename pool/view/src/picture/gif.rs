@@ -18,7 +18,8 @@ const SHORTEST_FRAME: u16 = 2;
 /// The 255 colours of the palette are chosen from all frames, so each frame is drawn twice, instead of being
 /// kept in memory. Equal frames give equal files.
 ///
-/// # Errors [`EncodeError`] if there are no frames, their sizes differ, the rate is not usable, or the output
+/// # Errors
+/// [`EncodeError`] if there are no frames, their sizes differ, the rate is not usable, or the output
 /// cannot be written.
 pub fn write_gif(
     output: &mut dyn Write,

@@ -298,8 +298,10 @@ impl EpisodeText {
         let expected = format!("a list of length {n_steps}, the number of recorded `steps`");
         check.that(n_checksums == n_steps, "step_checksums", &expected, n_checksums)?;
         let given = self.actions.len();
-        let expected =
-            format!("a list of length {}, `steps` times the number of units", n_checksums * n_actors);
+        let expected = format!(
+            "a list of length {}, {n_steps} recorded steps of {n_actors} units",
+            n_checksums * n_actors
+        );
         check.that(given == n_checksums * n_actors, "actions", &expected, given)?;
         for (i, &action) in self.actions.iter().enumerate() {
             let actor = Actor::at(i % n_actors, sizes.n_agents);
