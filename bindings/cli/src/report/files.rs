@@ -1,7 +1,7 @@
 //! The numbers of a report as CSV, one row per number with its interval. The task of all tasks together is
 //! empty.
 
-use super::Results;
+use super::{Results, key};
 use crate::csv::quoted;
 use smaclite_lab::{Estimate, EvaluatedRun, FirstWin, TimeToWin};
 use smaclite_learn::Summary;
@@ -39,7 +39,7 @@ fn run_row(algorithm: &str, run: &EvaluatedRun, results: &Results) -> String {
     let EvaluatedRun { folder, task, seed, evaluations, result, .. } = run;
     let means =
         |summary: Summary| format!("{},{},{}", summary.win_rate, summary.mean_return, summary.mean_length);
-    let times = results.times.as_ref().and_then(|times| times.get(folder).copied());
+    let times = results.times.as_ref().and_then(|times| times.get(&key(run)).copied());
     let win = times.unwrap_or([FirstWin::NotMeasured; 2]).map(|win| match win {
         FirstWin::NotMeasured | FirstWin::Never => ",,,".to_owned(),
         FirstWin::At(TimeToWin { steps, wins, seconds, cpu_seconds, .. }) => {

@@ -64,8 +64,13 @@ fn choice() -> impl TypedValueParser<Value = Choice> {
     PossibleValuesParser::new(Choice::names()).try_map(|name| name.parse::<Choice>())
 }
 
-/// When the teams of runs first won, with greedy and with sampled actions, by the folders of the runs.
-type Times = BTreeMap<PathBuf, [FirstWin; 2]>;
+/// When the teams of runs first won, with greedy and with sampled actions, by [`key`].
+type Times = BTreeMap<(PathBuf, String), [FirstWin; 2]>;
+
+/// The folder of a run on several maps has a run of each.
+fn key(run: &EvaluatedRun) -> (PathBuf, String) {
+    (run.folder.clone(), run.task.clone())
+}
 
 /// The file for marl-eval, which a report has if it can be made.
 const METRICS: &str = "metrics.json";
@@ -128,7 +133,7 @@ fn play(benchmark: &Benchmark, threads: usize, stop: &dyn Fn() -> bool) -> Resul
     let runs = benchmark.algorithms.iter().flat_map(|algorithm| algorithm.tasks.values()).flatten();
     let times = |run: &EvaluatedRun| {
         let time = |actions| time_to_win(run, actions, threads, &mut || stop());
-        Ok((run.folder.clone(), [time(Choice::Greedy)?, time(Choice::Sampled)?]))
+        Ok((key(run), [time(Choice::Greedy)?, time(Choice::Sampled)?]))
     };
     runs.map(times).collect()
 }
@@ -138,7 +143,7 @@ fn not_measured(benchmark: &Benchmark, times: &Times) -> Vec<String> {
     let mut notes = Vec::new();
     for algorithm in &benchmark.algorithms {
         for (task, runs) in &algorithm.tasks {
-            let is_unknown = |run: &&EvaluatedRun| times[&run.folder].iter().any(|win| !win.is_measured());
+            let is_unknown = |run: &&EvaluatedRun| times[&key(run)].iter().any(|win| !win.is_measured());
             let unknown: Vec<&EvaluatedRun> = runs.iter().filter(is_unknown).collect();
             if let [first, ..] = unknown[..] {
                 notes.push(format!(

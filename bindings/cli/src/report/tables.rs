@@ -1,6 +1,6 @@
 //! The tables of a report, for people.
 
-use super::{Results, figures};
+use super::{Results, figures, key};
 use crate::CommandResult;
 use crate::table::Table;
 use smaclite_lab::{
@@ -186,7 +186,7 @@ fn times(results: &Results) -> Option<Table> {
         for AlgorithmRuns { name, tasks } in &results.benchmark.algorithms {
             let Some(runs) = tasks.get(task) else { continue };
             for actions in Choice::BOTH {
-                let of_run = |run: &EvaluatedRun| times.get(&run.folder).map(|times| times[actions.index()]);
+                let of_run = |run: &EvaluatedRun| times.get(&key(run)).map(|times| times[actions.index()]);
                 let of_runs: Vec<FirstWin> = runs.iter().filter_map(of_run).collect();
                 let before = [task.to_owned(), name.to_owned(), actions.to_string()];
                 table.push(before.into_iter().chain([seeds_that_won(&of_runs)]).chain(spreads(&of_runs)));

@@ -216,3 +216,25 @@ fn errors_say_what_is_accepted() {
     output(folder, "report evaluated --out all --skip-times");
     check_error(folder, "report run --out all --actions both", 2, "[possible values: greedy, sampled]");
 }
+
+/// The times were those of the folder, so each map of a run had those of its last map.
+#[test]
+fn each_map_of_a_run_has_its_own_time_to_win() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let folder = folder.path();
+    let easy = r#"{"name": "easy", "num_allied_units": 5, "num_enemy_units": 1, "groups": [
+        {"x": 9, "y": 16, "faction": "ALLY", "units": {"MARINE": 5}},
+        {"x": 12, "y": 16, "faction": "ENEMY", "units": {"MARINE": 1}}], "attack_point": [9, 16],
+        "terrain_preset": "SIMPLE", "width": 32, "height": 32, "num_unit_types": 0, "ally_has_shields": false,
+        "enemy_has_shields": false, "episode_limit": 60}"#;
+    fs::write(folder.join("easy.json"), easy).expect("a file");
+    output(folder, &format!("train --maps easy.json,2s3z --out runs/one {SMALL}"));
+    output(folder, "report runs --out report");
+    let files = files(&folder.join("report"));
+    let mut rows = files["runs.csv"].lines().map(|row| row.split(',').collect::<Vec<_>>());
+    let columns = rows.next().expect("a header");
+    let column = |name: &str| columns.iter().position(|column| *column == name).expect("a column");
+    let wins: BTreeMap<&str, &str> =
+        rows.map(|row| (row[column("task")], row[column("sampled_win_steps")])).collect();
+    assert_eq!(wins, BTreeMap::from([("2s3z", ""), ("easy", "0")]));
+}

@@ -238,9 +238,7 @@ class PoolEnv(EnvBase):
         given = {group: tensordict.get((group, "action"), None) for group in self.group_map}
         for group, actions in given.items():
             if actions is None:
-                raise InvalidRequest(
-                    f'the TensorDict has no ("{group}", "action"); a policy or `rand_step` adds it'
-                )
+                raise InvalidRequest(f'the TensorDict has no ("{group}", "action"), which a policy adds')
         each = [actions.detach().cpu() for actions in given.values()]
         batch = self.envs.step(torch.cat(each, dim=-1).contiguous().numpy())
         self._viewer.observe(batch)
