@@ -22,6 +22,9 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
+/// Bytes of the longest text that says why a lane failed.
+const MOST_TEXT: usize = 1000;
+
 /// How long a thread waits for a free frame. The control thread recovers a dead process's frames within 100
 /// ms.
 const FRAME_TIMEOUT: Duration = Duration::from_secs(2);
@@ -382,7 +385,10 @@ impl<T: Transport> Lane<T> {
     }
 
     /// Takes the lane out of service and reports why to its learner. Other lanes go on.
-    pub(crate) fn fail(&self, text: String) {
+    pub(crate) fn fail(&self, mut text: String) {
+        // Learners are told in a frame, which has room for this in any lane.
+        let end = (0..=MOST_TEXT).rev().find(|end| text.is_char_boundary(*end)).unwrap_or(0);
+        text.truncate(end.min(text.len()));
         tracing::error!(lane = self.name, text, "lane failed");
         if self.failure.set(text.clone()).is_ok() {
             lock(&self.frames).report_end(&json(&Rejection::LaneFailed { text }));

@@ -101,6 +101,7 @@ impl Client {
             session: SessionId(session),
             epoch: None,
             sequence: None,
+            lost: None,
             outstanding: Outstanding::new(&description.settings),
             refused: VecDeque::new(),
             sampler: Sampler::new(description.settings.seed),

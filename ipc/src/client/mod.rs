@@ -28,7 +28,7 @@ use attach::Ports;
 use outstanding::Outstanding;
 use sampler::Sampler;
 use smaclite_pool::layout::Layout;
-use smaclite_pool::transport::{RequestNumber, SessionId};
+use smaclite_pool::transport::{Epoch, RequestNumber, SessionId};
 use smaclite_pool::{LocalLearner, Polling, Rejection};
 use std::collections::VecDeque;
 use std::fmt;
@@ -111,6 +111,8 @@ struct AttachedLane {
     session: SessionId,
     /// The last reset of all environments. Frames of earlier ones are dropped.
     epoch: Option<RequestNumber>,
+    /// Frames of this epoch that did not arrive, if there are any.
+    lost: Option<(u64, u64)>,
     /// Of the last frame of this epoch.
     sequence: Option<u64>,
     outstanding: Outstanding,
@@ -252,6 +254,11 @@ impl Client {
         wait: WaitOptions<'_>,
     ) -> Result<Arc<Batch>, ClientError> {
         self.request(Order::Step(actions), env_ids, wait)
+    }
+
+    /// Whether a batch is of the present session, and not from before its last reset of all environments.
+    pub fn is_current(&self, batch: &Batch) -> bool {
+        batch.header().epoch() == Epoch { session: self.lane.session, reset: self.lane.epoch }
     }
 
     /// The batch that was received last.

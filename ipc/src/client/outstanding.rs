@@ -12,14 +12,17 @@ pub(super) struct Outstanding {
     busy: Vec<Option<RequestNumber>>,
     /// Results still to come.
     results: usize,
-    /// What the session began with, which the lane may have refused; `None` before it was sent.
-    first_reset: Option<RequestNumber>,
+    /// A batch has come, so the lane has reset its environments in this session.
+    was_reset: bool,
+    /// Before that, the requests that would do so, and that were not refused so far.
+    resets: Vec<RequestNumber>,
 }
 
 impl Outstanding {
     pub(super) fn new(settings: &LaneSettings) -> Outstanding {
         let busy = vec![None; settings.num_envs];
-        Outstanding { synchronous: settings.is_synchronous(), busy, results: 0, first_reset: None }
+        let (synchronous, resets) = (settings.is_synchronous(), Vec::new());
+        Outstanding { synchronous, busy, results: 0, was_reset: false, resets }
     }
 
     /// Results still to come.
@@ -28,7 +31,11 @@ impl Outstanding {
     }
 
     pub(super) fn check_was_reset(&self) -> Result<(), Rejection> {
-        if self.first_reset.is_some() { Ok(()) } else { Err(Rejection::NotReset) }
+        if self.was_reset() { Ok(()) } else { Err(Rejection::NotReset) }
+    }
+
+    fn was_reset(&self) -> bool {
+        self.was_reset || !self.resets.is_empty()
     }
 
     /// Refuses environments that work on an earlier request, which a fork would copy before or after it.
@@ -42,7 +49,7 @@ impl Outstanding {
     /// Marks the environments of `ids` busy with a step.
     pub(super) fn reserve_step(&mut self, number: RequestNumber, ids: &[i32]) -> Result<(), Rejection> {
         let (given, expected) = (ids.len(), self.busy.len());
-        if self.synchronous && given != expected && given > 0 && self.first_reset.is_some() {
+        if self.synchronous && given != expected && given > 0 && self.was_reset() {
             return Err(Rejection::IncompleteBatch { given, expected });
         }
         self.reserve(number, ids)
@@ -63,7 +70,7 @@ impl Outstanding {
     /// Whether a request to the environments of `ids`, or to all, begins an epoch; why it is none if it
     /// would, but for its ids.
     pub(super) fn begins_epoch(&self, kind: RequestKind, ids: Option<&[i32]>) -> Result<bool, Rejection> {
-        let begins = |names_all| kind.begins_epoch(names_all, self.synchronous, self.first_reset.is_some());
+        let begins = |names_all| kind.begins_epoch(names_all, self.synchronous, self.was_reset());
         let Some(ids) = ids.filter(|_| begins(true)) else { return Ok(begins(true)) };
         let names_all = self.names_all(ids);
         if begins(names_all) && !names_all {
@@ -80,7 +87,9 @@ impl Outstanding {
     pub(super) fn reset_all(&mut self, number: RequestNumber) {
         self.busy.fill(Some(number));
         self.results = self.busy.len();
-        self.first_reset.get_or_insert(number);
+        if !self.was_reset {
+            self.resets.push(number);
+        }
     }
 
     fn reserve(&mut self, number: RequestNumber, ids: &[i32]) -> Result<(), Rejection> {
@@ -115,11 +124,9 @@ impl Outstanding {
 
     /// Frees the environments of a request that was refused as a whole; `false` if it had none.
     pub(super) fn release(&mut self, number: RequestNumber) -> bool {
+        self.resets.retain(|reset| *reset != number);
         let freed = self.clear(number);
         self.results = self.results.saturating_sub(freed); // a supervisor may answer twice
-        if freed > 0 && self.first_reset == Some(number) {
-            self.first_reset = None;
-        }
         freed > 0
     }
 
@@ -134,6 +141,7 @@ impl Outstanding {
 
     /// The results of these environments were received.
     pub(super) fn received(&mut self, ids: &[i32]) {
+        (self.was_reset, self.resets) = (true, Vec::new());
         for id in ids {
             // A supervisor may send an id that names no environment.
             if let Ok(env) = env_index(*id, self.busy.len()) {
@@ -223,5 +231,15 @@ mod tests {
         let mut outstanding = outstanding();
         assert!(outstanding.check_was_reset().is_ok() && outstanding.release(RequestNumber(1)));
         assert!(matches!(outstanding.check_was_reset(), Err(Rejection::NotReset)));
+        // Of two that were refused, the first was overlooked: a reset of some environments never returned.
+        outstanding.reset_all(RequestNumber(2));
+        outstanding.reset_all(RequestNumber(3));
+        assert!(!outstanding.release(RequestNumber(2)) && outstanding.check_was_reset().is_ok());
+        assert!(outstanding.release(RequestNumber(3)));
+        assert!(matches!(outstanding.check_was_reset(), Err(Rejection::NotReset)));
+        // Of two of which one was accepted, the other one began an epoch, too.
+        outstanding.reset_all(RequestNumber(4));
+        outstanding.reset_all(RequestNumber(5));
+        assert!(outstanding.release(RequestNumber(5)) && outstanding.check_was_reset().is_ok());
     }
 }

@@ -105,6 +105,9 @@ impl AttachedLane {
 
     /// The next batch of this session and epoch, if one has arrived.
     fn receive(&mut self) -> Result<Option<FrameSample>, ClientError> {
+        if let Some((first, last)) = self.lost {
+            return Err(ClientError::FramesLost { first, last }); // their environments stay busy
+        }
         while let Some((request, rejection)) = self.refused.pop_front() {
             self.reject(Some(request), rejection)?;
         }
@@ -120,6 +123,7 @@ impl AttachedLane {
                 && let Some((first, last)) =
                     frames_lost(self.sequence.replace(header.sequence), header.sequence)
             {
+                self.lost = Some((first, last));
                 return Err(ClientError::FramesLost { first, last });
             }
             match frame {
@@ -137,7 +141,8 @@ impl AttachedLane {
             match self.ports.frames.subscriber.receive() {
                 Ok(sample) => return Ok(sample),
                 // The newest batch is kept for sampling, as long as there is room for it.
-                Err(ReceiveError::ExceedsMaxBorrows) if self.newest.take().is_some() => {}
+                Err(ReceiveError::ExceedsMaxBorrows)
+                    if self.newest.take_if(|newest| Arc::strong_count(newest) == 1).is_some() => {}
                 Err(ReceiveError::ExceedsMaxBorrows) => {
                     let limit = self.description.capacity.max_held_batches;
                     return Err(ClientError::TooManyHeld { limit });

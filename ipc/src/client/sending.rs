@@ -37,11 +37,16 @@ impl AttachedLane {
         let begins_epoch = self.outstanding.begins_epoch(order.kind(), env_ids);
         if begins_epoch.map_err(|rejection| self.refused(rejection))? {
             // Only what was sent begins an epoch: otherwise results of the present one are still to come.
-            self.refused.clear();
+            for (refused, _) in std::mem::take(&mut self.refused) {
+                self.outstanding.release(refused);
+            }
             self.send(order, ids, wait)?;
             self.outstanding.reset_all(number);
-            (self.epoch, self.sequence) = (Some(number), None);
+            (self.epoch, self.sequence, self.lost) = (Some(number), None, None);
             return Ok(());
+        }
+        if let Some((first, last)) = self.lost {
+            return Err(ClientError::FramesLost { first, last }); // says more than that environments are busy
         }
         let reserved = match order {
             Order::Step(_) => self.outstanding.reserve_step(number, ids),

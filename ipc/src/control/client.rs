@@ -2,7 +2,8 @@
 //! them: a stopped supervisor must not block its clients.
 
 use super::protocol::{
-    ControlRequest, ControlResponse, MAX_RESPONSE, Message, PROTOCOL_VERSION, RELEASE, Sender, release_text,
+    ControlRequest, ControlResponse, MAX_REQUEST, MAX_RESPONSE, Message, PROTOCOL_VERSION, RELEASE, Sender,
+    release_text,
 };
 use crate::error::remedy;
 use crate::name::{NameError, check_name};
@@ -64,6 +65,10 @@ pub enum ControlSocketError {
         "pool `{pool}` is of {theirs}, this program of {ours}; run the same release", ours = this_release()
     )]
     OtherRelease { pool: String, theirs: String },
+    #[error(
+        "a request of {bytes} bytes is longer than a pool reads ({MAX_REQUEST}): name fewer environments"
+    )]
+    TooLong { bytes: usize },
     #[error("the wait for an answer of pool `{pool}` was interrupted")]
     Interrupted { pool: String },
 }
@@ -176,6 +181,10 @@ impl ControlClient {
         if !self.is_unanswered {
             self.unwritten = serde_json::to_vec(&Message::new(request)).expect("requests are plain data");
             self.unwritten.push(b'\n');
+            if self.unwritten.len() > MAX_REQUEST {
+                let bytes = std::mem::take(&mut self.unwritten).len();
+                return Err(ControlSocketError::TooLong { bytes });
+            }
             self.is_unanswered = true;
         }
         self.write(waiting)?;
