@@ -59,6 +59,11 @@ impl Batch {
         Batch { received, frame: PyOnceLock::new(), views, replaced: None }
     }
 
+    /// As it was received.
+    pub fn received(&self) -> &smaclite_ipc::Batch {
+        &self.received
+    }
+
     /// A field as an array; AttributeError if the lane does not include it.
     pub fn view<'py>(&self, py: Python<'py>, field: Field) -> PyResult<Bound<'py, PyAny>> {
         if let Some(replaced) = &self.replaced {

@@ -218,7 +218,7 @@ impl Envs {
         let arguments = self.reset_arguments(seed, env_id, levels, snapshots)?;
         let (order, ids) = (arguments.order(), arguments.ids());
         let mut guard = self.shared.try_lock()?;
-        let client = guard.for_reset(ids.is_none());
+        let client = guard.for_reset();
         let batch = wait_detached(py, timeout, |wait| client.request(order, ids, wait)).map(Batch::new)?;
         guard.hand_over(py, batch)
     }

@@ -27,6 +27,7 @@ use smaclite_pool::fields::FieldSet;
 use smaclite_pool::{LaneSettings, PoolOptions};
 use smaclite_scenarios::ScenarioFiles;
 use std::ffi::CString;
+use std::hash::{BuildHasher, RandomState};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -222,7 +223,9 @@ fn lane_name(scenario: &str, suffix: &str) -> String {
 
 fn unique_name() -> String {
     static COUNT: AtomicU64 = AtomicU64::new(0);
-    format!("embedded-{}-{}", std::process::id(), COUNT.fetch_add(1, Ordering::Relaxed))
+    let (count, mark) = (COUNT.fetch_add(1, Ordering::Relaxed), RandomState::new().hash_one(()) as u16);
+    // Containers that share a folder of pools each have a process 1.
+    format!("embedded-{}-{count}-{mark:04x}", std::process::id())
 }
 
 /// Attach to a lane of a running pool, as started by `smaclite-pool serve`. The lane belongs to this process

@@ -5,13 +5,18 @@ use crate::batch::{Batch, missing_field_error};
 use crate::convert::{IntArg, side_name, to_side, to_unsigned};
 use crate::envs::arg::EnvsArg;
 use crate::envs::render::require_units_in_states;
-use crate::errors::invalid_request;
+use crate::errors::{class, invalid_request};
+use crate::wait::check_interrupts;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use smaclite_engine::policy::Scripted;
 use smaclite_engine::{Arena, Faction, Sizes};
 use smaclite_pool::fields::Field;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::Duration;
+
+/// How long a thread waits before it asks again for a policy that another one is using.
+const WAIT: Duration = Duration::from_micros(20);
 
 /// What a policy sees of a side.
 fn fields(side: Faction) -> [Field; 2] {
@@ -50,7 +55,14 @@ pub struct ScriptedPolicy {
     side: Faction,
     fields: [Field; 2],
     arena: Arena,
-    scripted: Mutex<Scripted>,
+    scripted: Mutex<State>,
+}
+
+/// What a policy draws by.
+enum State {
+    Here(Scripted),
+    /// A thread of this process has it.
+    TakenBy(u32),
 }
 
 #[pymethods]
@@ -97,7 +109,7 @@ impl ScriptedPolicy {
             )));
         }
         let arena = Arena::new(&scenario, envs.rules()?);
-        Ok(ScriptedPolicy { name, side, fields, arena, scripted: Mutex::new(scripted) })
+        Ok(ScriptedPolicy { name, side, fields, arena, scripted: Mutex::new(State::Here(scripted)) })
     }
 
     /// Choose the actions of all environments of a batch. Other Python threads run meanwhile.
@@ -111,6 +123,7 @@ impl ScriptedPolicy {
     ///     int32, of that shape: the actions of slot i in row i; `out`, if it was passed.
     ///
     /// Raises:
+    ///     Forked: this process was forked while another thread used the policy.
     ///     InvalidRequest: the batch is of a lane with other sizes, or `out` has another shape.
     ///     TypeError: `out` is not a two-dimensional int32 array.
     #[pyo3(signature = (batch, out=None))]
@@ -141,6 +154,31 @@ impl ScriptedPolicy {
 }
 
 impl ScriptedPolicy {
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.scripted.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Takes the state, for which other threads wait. The lock is not kept meanwhile: a process that one of
+    /// them forks would wait for a thread that only its parent has.
+    fn take(&self, py: Python<'_>) -> PyResult<Scripted> {
+        let process = std::process::id();
+        loop {
+            let state = std::mem::replace(&mut *self.state(), State::TakenBy(process));
+            match state {
+                State::Here(scripted) => return Ok(scripted),
+                State::TakenBy(other) if other != process => {
+                    *self.state() = State::TakenBy(other);
+                    return Err(class::Forked::new_err(
+                        "a thread was using this policy when this process was forked; make another one",
+                    ));
+                }
+                State::TakenBy(_) => {}
+            }
+            check_interrupts(py)?;
+            py.detach(|| std::thread::sleep(WAIT));
+        }
+    }
+
     fn act<'py>(
         &self,
         py: Python<'py>,
@@ -169,12 +207,13 @@ impl ScriptedPolicy {
         let shape = [batch.layout().slots(), sizes.n_agents];
         let out = out.map(|out| arrays::output_array(out, shape)).transpose()?;
         // Not written to `out` directly: other threads may use that array meanwhile.
+        let mut policy = self.take(py)?;
         let actions = py.detach(|| {
             let mut actions = vec![0; shape[0] * shape[1]];
-            let mut scripted = self.scripted.lock().unwrap_or_else(PoisonError::into_inner);
-            scripted.act_batch_of(self.side, &self.arena, &states, &masks, &mut actions);
+            policy.act_batch_of(self.side, &self.arena, &states, &masks, &mut actions);
             actions
         });
+        *self.state() = State::Here(policy);
         match out {
             Some(out) => {
                 out.try_readwrite()?.as_slice_mut()?.copy_from_slice(&actions);

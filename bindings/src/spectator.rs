@@ -83,10 +83,14 @@ impl Spectator {
     fn latest(&self, py: Python<'_>) -> PyResult<Option<Py<Batch>>> {
         let mut guard = self.lock(py);
         let watching = guard.as_mut().ok_or_else(closed)?;
+        let mut older = None;
         if let Some(newer) = watching.spectator.newer().map_err(client_error)? {
-            watching.latest = Some(Py::new(py, Batch::new(Arc::new(newer)))?);
+            older = watching.latest.replace(Py::new(py, Batch::new(Arc::new(newer)))?);
         }
-        Ok(watching.latest.as_ref().map(|batch| batch.clone_ref(py)))
+        let latest = watching.latest.as_ref().map(|batch| batch.clone_ref(py));
+        drop(guard);
+        drop(older); // the callbacks of weak references to it may use this spectator
+        Ok(latest)
     }
 
     /// What never changes about the lane, as `Envs.spec`.

@@ -41,6 +41,18 @@ def test_distributions_on_a_map_of_fixed_teams() -> None:
         assert len(set(n_stalkers.tolist())) > 3
 
 
+@pytest.mark.parametrize("resets", [1, 2, 3])
+def test_after_refused_resets_some_environments_can_be_reset(resets: int) -> None:
+    """After two, the client took the lane for reset, and waited without end for a batch of another epoch."""
+    with sp.make("terran_5_vs_5", 3, seed=1, fields=FIELDS) as envs:
+        for _ in range(resets):
+            envs.async_reset(levels=np.full((3, 10, 5), -1, np.float32))
+        with pytest.raises(sp.errors.InvalidRequest):
+            envs.recv(timeout=10)
+        assert envs.reset(env_id=[0], timeout=60).was_reset.all()
+        assert len(envs.step(envs.sample_actions(), timeout=60)) == 3
+
+
 def test_levels_have_the_shape_of_their_field() -> None:
     """As many numbers in another order were once mixed up silently."""
     with sp.make("2s3z", 3, fields=FIELDS) as envs, sp.make("2s3z", 3) as plain:

@@ -127,6 +127,8 @@ def test_holding_too_many_batches_is_an_error_until_one_is_released() -> None:
         with pytest.raises(sp.errors.TooManyBatchesHeld, match="all 2 batches"):
             envs.step(envs.sample_actions())
         assert np.array_equal(held[0], first), "a held batch is never overwritten"
+        # It was forgotten, although that made no room, and nothing seemed to have been received.
+        assert envs.sample_actions().shape == (2, 5)
         held.clear()
         assert envs.recv(timeout=60).episode_length.tolist() == [2, 2], "the batch was still being computed"
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import weakref
+from typing import Any
 
 import numpy as np
 import pytest
@@ -27,6 +29,18 @@ def test_a_spectator_sees_the_newest_batch(serve: Serve) -> None:
     assert kept is not None and kept.state.any(), "it stays valid"
     with pytest.raises(sp.errors.Closed):
         spectator.latest()
+
+
+@serves_other_processes
+def test_the_callback_of_an_old_batch_may_use_the_spectator() -> None:
+    """It ran while the spectator was locked, and waited for its own thread."""
+    with sp.make("3m", 1, name="seen") as envs, sp.Spectator("seen") as spectator:
+        envs.reset(seed=1)
+        seen: list[Any] = []
+        old = weakref.ref(spectator.latest(), lambda _: seen.append(spectator.latest()))
+        envs.step(envs.sample_actions())
+        new = spectator.latest()
+        assert old() is None and seen == [new]
 
 
 def test_a_spectator_of_an_embedded_pool_holds_at_most_two_batches() -> None:

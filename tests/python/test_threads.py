@@ -16,7 +16,7 @@ from typing import TypeVar
 import numpy as np
 import smaclite_pool as sp
 
-from conftest import Serve, run_script
+from conftest import Serve, posix, run_script
 
 THREADS = 4
 T = TypeVar("T")
@@ -98,6 +98,36 @@ def test_threads_share_a_policy() -> None:
         for _ in range(50):
             for actions in run_in_threads(lambda _: policy(batch)):
                 np.testing.assert_array_equal(actions, expected)
+
+
+@posix
+def test_a_forked_child_does_not_wait_for_a_policy_of_its_parent() -> None:
+    """A thread of the parent held a lock while it computed, which no thread of the child released."""
+    done = run_script(
+        """
+import os, threading, numpy as np, smaclite_pool as sp
+with sp.make("bane_vs_bane", 64, threads=1, spectators=0) as envs:
+    policy, batch = sp.ScriptedPolicy("spread", envs), envs.reset(seed=1)
+    ends = threading.Event()
+    def play():
+        while not ends.is_set():
+            policy(batch)
+    thread = threading.Thread(target=play)
+    thread.start()
+    for _ in range(20):
+        child = os.fork()
+        if child == 0:
+            try:
+                policy(batch)
+            except sp.errors.Forked as error:
+                assert "make another one" in str(error)
+            os._exit(0)
+        assert os.waitpid(child, 0)[1] == 0
+    ends.set()
+    thread.join()
+"""
+    )
+    assert done.returncode == 0, done.stderr
 
 
 def test_threads_share_a_spectator(serve: Serve) -> None:

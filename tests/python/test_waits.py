@@ -38,6 +38,30 @@ class Alarm(Exception):
     """Raised by a signal handler."""
 
 
+@pytest.mark.parametrize("ids", [None, list(range(400))], ids=["all", "each"])
+@posix
+def test_a_reset_of_all_discards_a_batch_that_a_signal_kept(ids: list[int] | None) -> None:
+    """In an asynchronous lane, `recv` returned it after `async_reset`, and one batch late all others."""
+
+    def ring(number: int, frame: FrameType | None) -> None:
+        raise Alarm
+
+    before = signal.signal(signal.SIGALRM, ring)
+    try:
+        with sp.make("bane_vs_bane", 400, batch_size=200, threads=1, max_held_batches=4) as envs:
+            batch = envs.reset(seed=1)
+            envs.recv()  # of the other half
+            actions = np.ones((200, envs.spec.n_agents), np.int32)  # stop
+            with pytest.raises(Alarm):
+                signal.setitimer(signal.ITIMER_REAL, 0.001)
+                envs.step(actions, batch.env_id)
+            envs.async_reset(seed=5, env_id=ids)
+            for _ in range(2):
+                assert envs.recv(timeout=60).was_reset.all()
+    finally:
+        signal.signal(signal.SIGALRM, before)
+
+
 @pytest.mark.parametrize("wait", ["adaptive", "block", "spin"])
 @posix
 def test_a_signal_handlers_exception_ends_an_embedded_wait(wait: str) -> None:

@@ -27,7 +27,8 @@ struct Attached {
     /// Written when these environments are closed.
     recording: Option<RecordingToFile>,
     client: Client,
-    /// Received, and not returned yet: the exception of a signal was raised in its place.
+    /// Received, and not returned yet: the exception of a signal was raised in its place. Those of an epoch
+    /// that is over are discarded when they are looked at.
     kept: VecDeque<Batch>,
     _embedded: Option<Arc<Supervisor>>,
 }
@@ -57,6 +58,13 @@ impl SharedClient {
 }
 
 impl Attached {
+    /// What is kept of the present epoch.
+    fn kept(&mut self) -> &mut VecDeque<Batch> {
+        let Attached { client, kept, .. } = self;
+        kept.retain(|batch| client.is_current(batch.received()));
+        kept
+    }
+
     fn close(mut self, interrupted: IsCancelled<'_>) -> PyResult<()> {
         self.recording.as_mut().map_or(Ok(()), |recording| recording.finish(interrupted))
     }
@@ -76,7 +84,7 @@ impl ClientGuard<'_> {
     /// Whether [`receive`](Self::receive) returns after a request to these environments.
     pub(super) fn check_is_answered(&mut self, ids: Option<&[i32]>) -> PyResult<()> {
         let attached = self.attached();
-        match attached.kept.is_empty() {
+        match attached.kept().is_empty() {
             true => attached.client.check_is_answered(ids).map_err(client_error),
             false => Ok(()),
         }
@@ -94,27 +102,29 @@ impl ClientGuard<'_> {
     /// Waits for the next batch.
     pub(super) fn receive(&mut self, py: Python<'_>, timeout: Option<Duration>) -> PyResult<Batch> {
         let attached = self.attached();
-        if let Some(kept) = attached.kept.pop_front() {
-            return self.hand_over(py, kept);
+        if attached.kept().is_empty() {
+            let batch = receive(py, &mut attached.client, timeout)?;
+            return self.hand_over(py, batch);
         }
-        let batch = receive(py, &mut attached.client, timeout)?;
-        self.hand_over(py, batch)
+        attached.client.leave(); // it does not receive
+        check_interrupts(py)?;
+        Ok(attached.kept.pop_front().expect("one is kept"))
     }
 
     /// Returns the oldest batch that was received: this one, or one that was kept before it. Python raises
     /// what a signal handler raises when a call has returned, and the batch would be lost: so it is raised
     /// here, and the batch kept for the next `recv`.
     pub(super) fn hand_over(&mut self, py: Python<'_>, batch: Batch) -> PyResult<Batch> {
-        let kept = &mut self.attached().kept;
+        let kept = self.attached().kept();
         kept.push_back(batch);
         check_interrupts(py)?;
         Ok(kept.pop_front().expect("one was added"))
     }
 
     /// The client, which sends a reset.
-    pub(super) fn for_reset(&mut self, of_all: bool) -> &mut Client {
+    pub(super) fn for_reset(&mut self) -> &mut Client {
         let attached = self.attached();
-        if of_all || attached.client.description().settings.is_synchronous() {
+        if attached.client.description().settings.is_synchronous() {
             attached.kept.clear();
         }
         &mut attached.client
