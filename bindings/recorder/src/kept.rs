@@ -46,6 +46,28 @@ pub(crate) enum Start {
     Restored(Box<Snapshot>),
 }
 
+impl RecordedEnv {
+    /// Drops the oldest episodes, so that at most so many complete ones are left, and as many that were cut
+    /// off by a reset or a fork. Returns the bytes of their text.
+    fn limit(&mut self, most: usize, costs: &Costs) -> usize {
+        let n_complete = self.episodes.iter().filter(|episode| episode.is_complete).count();
+        let is_present = self.episodes.back().is_some_and(|last| !last.is_complete);
+        let n_cut = self.episodes.len() - n_complete - usize::from(is_present);
+        let (mut complete, mut cut) = (n_complete.saturating_sub(most), n_cut.saturating_sub(most));
+        let mut text = 0;
+        self.episodes.retain(|episode| {
+            let extra = if episode.is_complete { &mut complete } else { &mut cut };
+            let is_dropped = *extra > 0;
+            if is_dropped {
+                *extra -= 1;
+                text += costs.of(episode);
+            }
+            !is_dropped
+        });
+        text
+    }
+}
+
 impl Kept {
     /// Nothing yet, of battles of these sizes; at most so many complete episodes per environment, and so many
     /// bytes of text.
@@ -75,6 +97,13 @@ impl Kept {
         env.n_lost += part.lost;
         if let Some(start) = &part.start {
             let is_first = env.episodes.is_empty() && env.n_lost == 0;
+            // One that was reset before its first step tells nothing.
+            let is_empty = |last: &RecordedEpisode| last.actions.is_empty() && !last.is_complete;
+            if env.episodes.back().is_some_and(is_empty)
+                && let Some(empty) = env.episodes.pop_back()
+            {
+                self.text -= self.costs.of(&empty);
+            }
             let (number, start, actions) = (part.number, start_of(start, is_first), Vec::new());
             let episode = RecordedEpisode { number, start, actions, is_complete: false };
             self.text += self.costs.of(&episode);
@@ -90,10 +119,7 @@ impl Kept {
             episode.is_complete = part.is_over;
             self.n_complete += u64::from(part.is_over);
         }
-        // One more than the complete ones: the present episode.
-        while env.episodes.len() > self.max_episodes + 1 {
-            self.text -= env.episodes.pop_front().map_or(0, |episode| self.costs.of(&episode));
-        }
+        self.text -= env.limit(self.max_episodes, &self.costs);
         while self.text > self.max_text {
             self.forget();
         }
@@ -198,6 +224,30 @@ mod tests {
         }
         let replay = kept.replay(&setup, true).expect("the same battles");
         (kept, replay)
+    }
+
+    /// Resets without a step pushed complete episodes out, and nothing said so.
+    #[test]
+    fn complete_episodes_stay_however_often_an_environment_is_reset() {
+        let (_, files) = smaclite_scenarios::ScenarioFiles::resolve("3m").expect("a scenario");
+        let setup = BattleSetup::new(files);
+        let (_, arena) = setup.arena().expect("a valid scenario");
+        let sizes = arena.sizes();
+        let mut kept = Kept::new(2, &sizes, MAX_TEXT);
+        let mut battle = Battle::new(std::sync::Arc::new(arena), 1);
+        let stop = vec![action::STOP as u16; sizes.n_agents];
+        let kinds =
+            [(true, 1), (true, 1), (true, 1), (false, 0), (false, 0), (false, 1), (false, 1), (false, 1)];
+        for (number, (is_over, steps)) in (0..).zip(kinds) {
+            battle.reset();
+            let (start, actions) = (Some(battle.save()), stop.repeat(steps));
+            let part = FollowedPart { env_id: 0, number, start, actions, is_over, lost: 0 };
+            kept.add(part, |start, _| Some(Start::Reset(start.generator.position(), start.opponent)));
+        }
+        let numbers: Vec<u64> = kept.envs[&0].episodes.iter().map(|episode| episode.number).collect();
+        assert_eq!(numbers, [1, 2, 5, 6, 7], "two complete ones, two that were cut off, and the present one");
+        kept.text -= kept.envs[&0].episodes.iter().map(|episode| kept.costs.of(episode)).sum::<usize>();
+        assert_eq!((kept.text, kept.n_complete(), kept.n_missing()), (0, 3, 0));
     }
 
     /// Only actions were counted, so a long recording of generated battles was too large for a file.
