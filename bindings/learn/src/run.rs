@@ -370,10 +370,12 @@ impl Run {
     fn evaluate(&mut self, interrupted: &mut dyn FnMut() -> bool) -> Result<(), TrainError> {
         let Some(evaluations) = &mut self.evaluations else { return Ok(()) };
         let (state, before) = (self.training.state(), evaluations.rows().len());
-        evaluations.play_due(state, interrupted)?;
+        let played = evaluations.play_due(state, interrupted);
+        // Those before an interruption, too: they are not played again.
         for row in &evaluations.rows()[before..] {
             self.tensorboard.append_evaluation(row)?;
         }
+        played?;
         match self.training.is_complete() {
             true => evaluations.finish(state, interrupted),
             false => Ok(()),

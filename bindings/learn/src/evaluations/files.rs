@@ -41,19 +41,19 @@ pub struct EvaluationFiles {
 
 impl EvaluationFiles {
     /// Opens the files of a run that trains on so many maps and is evaluated at every multiple of `every`
-    /// steps, and removes what is of evaluations after its checkpoint: they are played again. Returns the
-    /// rows that stay.
+    /// steps until its `end`, and removes what is of evaluations after its checkpoint, which are played
+    /// again, or after its end, which was later before. Returns the rows that stay.
     ///
     /// # Errors
     /// If something is missing that was written before the checkpoint; then nothing is removed.
     pub(crate) fn open(
         folder: &Path,
-        (maps, every): (usize, u64),
+        (maps, every, end): (usize, u64, u64),
         trained: Trained,
     ) -> Result<(EvaluationFiles, Vec<EvaluationRow>), FileError> {
         let files = EvaluationFiles::of(folder);
         let mut rows = files.rows()?;
-        rows.retain(|row| row.trained_steps <= trained.steps);
+        rows.retain(|row| row.trained_steps <= trained.steps && row.steps <= end);
         files.check_rows(&rows, every, trained)?;
         files.check_episodes(&rows, maps * EVALUATION_EPISODES)?;
         let stays = |steps: u64| rows.iter().any(|row| row.steps == steps);

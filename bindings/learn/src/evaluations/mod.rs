@@ -68,7 +68,8 @@ impl Evaluations {
     ) -> Result<Option<Evaluations>, TrainError> {
         let Some(every) = run.config.evaluate_every else { return Ok(None) };
         let evaluator = Evaluator::open(folder, run, threads)?;
-        let (files, rows) = EvaluationFiles::open(folder, (run.map_count(), every), trained)?;
+        let (files, rows) =
+            EvaluationFiles::open(folder, (run.map_count(), every, run.config.steps), trained)?;
         let (folder, run) = (folder.to_owned(), run.clone());
         let evaluations = Evaluations { folder, run, every, evaluator, files, rows };
         evaluations.restore_best()?;

@@ -10,7 +10,7 @@ use crate::kit::{Place, check_resumed, complete, scenario, small};
 use serde_json::Value;
 use smaclite_engine::{BattleSetup, EpisodeLimit, Rules};
 use smaclite_ipc::{LaneConfig, Supervisor, SupervisorConfig};
-use smaclite_learn::{Algorithm, Config, Lanes, NetworkKind, Run, RunDescription};
+use smaclite_learn::{Algorithm, Config, EvaluationFiles, Lanes, NetworkKind, Run, RunDescription};
 use smaclite_pool::fields::FieldSet;
 use smaclite_pool::{Autoreset, PoolOptions};
 use smaclite_scenarios::ScenarioFiles;
@@ -286,4 +286,29 @@ fn folders_and_settings_that_do_not_fit_are_refused() {
     assert!(resume().contains("it has no run.json"), "{}", resume());
     fs::write(place.path("run").join("run.json"), "{}").unwrap();
     assert!(resume().contains("run.json` is damaged or not a file of a run: missing field"), "{}", resume());
+}
+
+/// A complete run that was extended kept the evaluations that it played before it was set back, and they
+/// chose its best weights. And those before an interruption were missing in TensorBoard.
+#[test]
+fn a_run_that_is_set_back_has_no_evaluations_after_its_end() {
+    let place = Place::new();
+    let config = Config { steps: 20, evaluate_every: Some(20), ..small() };
+    place.train("run", &config, 1);
+    let rows = || EvaluationFiles::of(&place.path("run")).rows().unwrap();
+    let steps = || rows().iter().map(|row| row.steps).collect::<Vec<_>>();
+    assert_eq!(steps(), [0, 20]);
+    let resume = |steps| Run::resume(&place.path("run"), Some(steps), place.lanes(10, 1), 1).unwrap();
+    assert!(!resume(2000).train(&mut || rows().len() >= 4, &|_| {}).unwrap());
+    let played = rows().len();
+    assert!(played >= 4);
+    let events = fs::read_dir(place.path("run")).unwrap().map(|entry| entry.unwrap().path());
+    let events = events.filter(|path| path.file_name().unwrap().to_string_lossy().starts_with("events"));
+    let logged = |path| {
+        let bytes = fs::read(path).unwrap();
+        bytes.windows(b"greedy_win_rate".len()).filter(|tag| tag == b"greedy_win_rate").count()
+    };
+    assert_eq!(events.map(logged).sum::<usize>(), played);
+    assert!(resume(20).train(&mut || false, &|_| {}).unwrap());
+    assert_eq!(steps(), [0, 20]);
 }

@@ -20,6 +20,7 @@ Axes of arrays: T steps of a rollout, N environments, A agents, V values per env
 from __future__ import annotations
 
 import errno
+import math
 import time
 from collections import defaultdict, deque
 from collections.abc import Callable
@@ -273,6 +274,16 @@ def rows_of(samples: Tensor, width: int) -> Tensor:
     return (samples.unsqueeze(-1) * width + torch.arange(width, device=samples.device)).flatten()
 
 
+def explained(errors: Tensor, targets: Tensor) -> float:
+    """The share of the variance of the targets that predictions with these errors explain."""
+    return 1 - (errors.var(correction=0) / targets.var(correction=0)).item()
+
+
+def parts(rows: Tensor, count: int) -> list[Tensor]:
+    """The rows in `count` minibatches, or fewer if there are fewer rows."""
+    return [part for part in rows.tensor_split(count) if len(part) > 0]
+
+
 class Learner:
     """Networks, optimisers and a rollout."""
 
@@ -339,14 +350,14 @@ class Learner:
             samples = data.samples[torch.randperm(len(data.samples), device=self.device)]
             policy_rows = rows_of(samples, self.envs.spec.n_agents)
             policy_rows = policy_rows[data.has_choice[policy_rows]]
-            for rows in policy_rows.tensor_split(options.minibatches):
+            for rows in parts(policy_rows, options.minibatches):
                 self.improve_actor(data, rows, entropy_weight, stats)
-            for rows in rows_of(samples, self.n_values).tensor_split(options.minibatches):
+            for rows in parts(rows_of(samples, self.n_values), options.minibatches):
                 self.improve_critic(data, rows, stats)
         names = ["policy_loss", "value_loss", "entropy", "kl", "clip_fraction"]
         names += ["actor_grad_norm", "critic_grad_norm"]
         row = {"policy_rows": len(policy_rows) / len(data.obs)}
-        row |= {name: torch.stack(stats[name]).mean().item() for name in names}
+        row |= {name: torch.stack(stats[name]).mean().item() if stats[name] else math.nan for name in names}
         row |= {"explained_variance": data.explained_variance}
         return row | {"actor_lr": options.actor_lr * lr_factor, "entropy_weight": entropy_weight}
 
@@ -368,13 +379,15 @@ class Learner:
         has_choice = data["avail_actions"][:-1].sum(-1) > 1  # [T, N, A]
 
         learnt_errors, learnt_targets = advantages[is_learnt], targets[is_learnt]
-        self.returns.update(learnt_targets, self.critic.head)
+        if len(learnt_targets) > 0:  # in a short rollout, every environment may only have been reset
+            self.returns.update(learnt_targets, self.critic.head)
         old_values = (values[:-1] - self.returns.mean) / self.returns.deviation
         targets = (targets - self.returns.mean) / self.returns.deviation
         # If there is one value per environment, the agents share its advantage.
         advantages = advantages.expand(-1, -1, self.envs.spec.n_agents)
         learnt = advantages[has_choice & is_learnt.unsqueeze(-1)]
-        scale = max(learnt.std().item(), self.options.advantage_floor * self.returns.deviation) + 1e-8
+        spread = learnt.std().item() if len(learnt) > 1 else 0.0
+        scale = max(spread, self.options.advantage_floor * self.returns.deviation) + 1e-8
         return Rows(
             obs=data["obs"][:-1].flatten(0, 2),
             available=data["avail_actions"][:-1].flatten(0, 2),
@@ -386,7 +399,7 @@ class Learner:
             old_values=old_values.flatten(),
             targets=targets.flatten(),
             samples=is_learnt.flatten().nonzero().squeeze(-1),
-            explained_variance=1 - (learnt_errors.var() / learnt_targets.var()).item(),
+            explained_variance=explained(learnt_errors, learnt_targets),
         )
 
     def improve_actor(
