@@ -35,7 +35,8 @@ impl Interface {
             action if action < FIRST_LOOK => Order::None,
             action if action < self.first_target() => {
                 let angle = TAU * ((action - FIRST_LOOK) as f64 / self.n_looks as f64);
-                perception.looks[agent] = [angle.cos(), angle.sin()];
+                // With the same bits on all systems.
+                perception.looks[agent] = [libm::cos(angle), libm::sin(angle)];
                 Order::None
             }
             _ => {

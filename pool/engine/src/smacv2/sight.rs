@@ -27,11 +27,11 @@ impl Interface {
         let half = TAU / self.n_looks as f64 / 2.0;
         if !self.options.published {
             // The angle between look and offset, from their products; a unit at the same point is in sight.
-            let angle = (look_x * dy - look_y * dx).abs().atan2(look_x * dx + look_y * dy);
+            let angle = libm::atan2((look_x * dy - look_y * dx).abs(), look_x * dx + look_y * dy);
             return angle < half || half >= PI;
         }
         let least = |x: f64| if dx > 0.0 { x.max(1e-7) } else { x.min(-1e-7) };
-        ((dy / least(dx)).atan() - (look_y / least(look_x)).atan()).abs() < half
+        (libm::atan(dy / least(dx)) - libm::atan(look_y / least(look_x))).abs() < half
     }
 
     /// Which units each agent sees whatever else it may see: u8 0 or 1, `[n_agents, n_agents + n_enemies]`.
