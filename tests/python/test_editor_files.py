@@ -81,13 +81,36 @@ def test_text_that_is_no_json_keeps_the_last_map(browser: Any, file: Path) -> No
         assert editor.json()["groups"][1]["x"] == 24
 
 
+def copy_of_a_type(editor: Editor) -> Any:
+    """Copies the stalker, and returns the field with the name of the copy."""
+    editor.tab("types")
+    editor.page.click("#types button:text-is('Stalker')")
+    editor.page.click("text=Copy as new")
+    return editor.page.locator("#types section input >> nth=0")
+
+
+def test_a_download_saves_nothing(browser: Any, file: Path) -> None:
+    """It counted as saved, so the page was left without a question and the change was lost."""
+    before = file.read_text()
+    with Editor(browser, str(file)) as editor:
+        name = copy_of_a_type(editor)
+        name.fill("scout.json")
+        name.press("Enter")
+        assert "without .json" in name.evaluate("input => input.validationMessage")
+        name.fill("scout")
+        name.press("Enter")
+        is_unsaved = "document.querySelector('#save').classList.contains('unsaved')"
+        editor.wait(lambda: bool(editor.page.evaluate(is_unsaved)))
+        with editor.page.expect_download():
+            editor.page.click("#download")
+        assert editor.page.evaluate(is_unsaved)
+    assert file.read_text() == before
+
+
 def test_a_unit_type_of_the_scenarios_name_is_not_saved_over_it(browser: Any, file: Path) -> None:
     before = file.read_text()
     with Editor(browser, str(file)) as editor:
-        editor.tab("types")
-        editor.page.click("#types button:text-is('Stalker')")
-        editor.page.click("text=Copy as new")
-        name = editor.page.locator("#types section input >> nth=0")
+        name = copy_of_a_type(editor)
         name.fill("mine")
         name.press("Enter")
         editor.page.click("#save")

@@ -199,6 +199,14 @@ def test_keys_select_and_command(browser: Any, tmp_path: Path) -> None:
         moved = page.place(0, 1)
         assert moved[1] > y + 0.5 and abs(moved[0] - x) < 0.5
 
+        # An arrow of the slider moves the slider: it was an order, and the steps after it were lost.
+        steps = page.step
+        page.page.focus("#scrub")
+        page.press("Home", "ArrowRight")
+        page.press("End")
+        assert page.step == steps and page.selected
+        page.page.focus("#battle")
+
         # Those without an order defend themselves; those that are stopped do not.
         page.press("Control+a", "s")
         while not page.seen():

@@ -126,7 +126,8 @@ export async function openFiles(files, openers) {
   const readable = files.filter(({ path }) => SUFFIXES.some((suffix) => path.endsWith(suffix)));
   const least = Math.min(...readable.map(depth)),
     first = readable.filter((opened) => depth(opened) === least);
-  const replay = first.find(({ path }) => path.endsWith(".smreplay"));
+  const [replay, another] = first.filter(({ path }) => path.endsWith(".smreplay"));
+  if (another) throw new Error("these are several replays; open one");
   if (replay) return openers.replay(replay.file.name, await bytesOfFile(replay.file));
   const runs = first.filter(({ file }) => file.name === "run.json"),
     weights = first.filter(({ path }) => path.endsWith(".safetensors"));

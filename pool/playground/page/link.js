@@ -42,17 +42,23 @@ const INCOMPLETE = "the link is incomplete or was changed; copy all of it";
  */
 export async function through(bytes, stream) {
   let length = 0;
+  /** @type {RangeError | null} */
+  let tooLong = null; // browsers replace what a stream throws
   /** @type {TransformStream<Uint8Array, Uint8Array>} */
   const counted = new TransformStream({
     transform(part, out) {
       // A small file can be much longer than any memory.
       if ((length += part.length) > LONGEST)
-        throw new RangeError("it has more than 64 MiB after decompression");
+        throw (tooLong = new RangeError("it has more than 64 MiB after decompression"));
       out.enqueue(part);
     },
   });
   const readable = new Blob([bytes]).stream().pipeThrough(stream).pipeThrough(counted);
-  return new Uint8Array(await new Response(readable).arrayBuffer());
+  try {
+    return new Uint8Array(await new Response(readable).arrayBuffer());
+  } catch (cause) {
+    throw tooLong ?? cause;
+  }
 }
 
 /**

@@ -110,7 +110,11 @@ export class Playground extends Commander {
 
   /** No orders are given while no agent is selected, or after the end. */
   get isOver() {
-    return !this.field.selection.units.size || !this.begun.is_playable || this.isAtEnd;
+    return !this.field.selection.units.size || !this.takesOrders || this.isAtEnd;
+  }
+
+  get takesOrders() {
+    return this.begun.is_playable;
   }
 
   /** Whether the end of the battle is shown. */
@@ -272,11 +276,20 @@ export class Playground extends Commander {
     }
   }
 
+  noteNoEnemies() {
+    this.note(`${NO_ENEMIES}: choose an opponent for a new battle, or another seed.`);
+  }
+
+  /** @param {Parameters<Commander["give"]>[0]} orderOf */
+  give(orderOf) {
+    if (this.takesOrders) super.give(orderOf);
+    else if (this.field.selection.units.size) this.noteNoEnemies();
+  }
+
   /** A new battle, in which the person has the same agents. */
   again() {
     this.enqueue(async () => {
-      if (!this.begun.is_playable)
-        return this.note(`${NO_ENEMIES}: choose an opponent for a new battle, or another seed.`);
+      if (!this.takesOrders) return this.noteNoEnemies();
       const seed = String(BigInt.asUintN(64, BigInt(this.begun.seed) + 1n)),
         { scenario, opponent, rules, team } = this.shared;
       await this.begin({ kind: "scenario", scenario, seed, opponent, rules }, team, [], [...this.taken]);
@@ -492,7 +505,10 @@ export class Playground extends Commander {
   /** @param {KeyboardEvent} event */
   key(event) {
     // What is chosen or typed is no command.
-    const isChoice = event.target instanceof HTMLElement && event.target.closest("#choices");
+    const { target } = event,
+      isOfSlider = target instanceof HTMLInputElement && target.type === "range";
+    if (isOfSlider && event.key.startsWith("Arrow")) return; // the slider moves by itself
+    const isChoice = target instanceof HTMLElement && target.closest("#choices");
     // The editor, which shows this page in a frame, sees nothing else of one from a folder.
     if (event.key === "Escape" && this.isIdle && parent !== window) parent.postMessage("leave", "*");
     if (!isChoice && !this.painter.key(event)) super.key(event);

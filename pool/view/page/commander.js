@@ -76,6 +76,11 @@ export class Commander extends BattlePlayer {
     if (hasDead || isGone) this.selected();
   }
 
+  /** Whether agents can be given orders at all. */
+  get takesOrders() {
+    return true;
+  }
+
   get living() {
     return this.field.agents.map(({ unit }) => unit);
   }
@@ -88,7 +93,7 @@ export class Commander extends BattlePlayer {
     this.inspector.hint = size
       ? `${size} units: ${selection.summary()}.`
       : "Select a unit to see its numbers.";
-    for (const id of ["attack", "stop"]) byId(id).disabled = size === 0;
+    for (const id of ["attack", "stop"]) byId(id).disabled = size === 0 || !this.takesOrders;
     this.redraw();
   }
 

@@ -66,12 +66,15 @@ export function make(tag, properties = {}, children = []) {
   return element;
 }
 
+/** Letters of a message: names in it can be as long as a link. */
+const LONGEST_MESSAGE = 500;
+
 /**
  * Says something until the person goes on.
  * @param {string} text
  */
 export function showMessage(text) {
-  byId("message").textContent = text;
+  byId("message").textContent = text.length > LONGEST_MESSAGE ? `${text.slice(0, LONGEST_MESSAGE)}…` : text;
   byId("message").hidden = false;
   const hide = () => (byId("message").hidden = true);
   for (const event of ["pointerdown", "keydown"]) addEventListener(event, hide, { once: true });

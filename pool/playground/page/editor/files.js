@@ -173,6 +173,7 @@ export class FileStore {
       return;
     }
     for (const [name, content] of files) download(`${name}.json`, content, "application/json");
+    if (this.target !== null) return; // what the program saves has still changed
     this.page.doc.saved = this.page.doc.state;
     this.page.refresh();
   }

@@ -234,9 +234,9 @@ export class TypesPanel extends Panel {
     input.addEventListener("change", () => {
       const name = input.value.trim();
       const isFree = doc.freeName(name) === name;
-      if (!/^[\w-][\w.-]{0,99}$/.test(name) || !isFree) {
+      if (!/^(?!.*\.json$)[\w-][\w.-]{0,99}$/i.test(name) || !isFree) {
         const why = isFree
-          ? "use letters, digits, _, - and ., which cannot be first"
+          ? "use letters, digits, _, - and ., which cannot be first, without .json"
           : "another type has this name";
         input.setCustomValidity(`The name is part of a file name: ${why}`);
         input.reportValidity();

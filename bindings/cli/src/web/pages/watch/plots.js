@@ -149,7 +149,8 @@ export class LanePanel {
     const all = values.flatMap(({ value }) => value ?? []);
     if (!all.length) return;
     let [low, high] = [from ?? Math.min(...all), to ?? Math.max(...all)];
-    if (!(high > low)) [low, high] = [from ?? low - 1, low + 1];
+    // Values with the same text are one line: their last digits would fill the plot.
+    if (text(low) === text(high)) [low, high] = [from ?? low - 1, low + 1];
     if (to === undefined) high += (high - low) * 0.08;
     const last = values[values.length - 1],
       newest = last.time,
