@@ -316,7 +316,7 @@ playground:
 
 # Build it if that is possible, and say why if it is not.
 _playground:
-    {{ if package == "installed" { "test -e target/playground/battle.html" } else { "pool/playground/build.sh --check && pool/playground/build.sh || test $? -eq 3" } }}
+    {{ if package == "installed" { "test -e target/playground/battle.html || { echo 'error: build the page with `just playground` first' >&2; exit 1; }" } else { "pool/playground/build.sh --check && pool/playground/build.sh || test $? -eq 3" } }}
 
 # Test that the playground plays recorded battles to the bit, and its size (Node.js; SMACLITE_TRACES as above)
 test-playground: _node playground

@@ -15,14 +15,18 @@ from .recordings import Battle, RecordingError
 
 def main(argv: list[str] | None = None) -> int:
     options = arguments(argv)
-    needs_recordings = set(options.measures) & set(runs.OF_RECORDINGS)
     try:
-        maps = recordings.read(options.folder) if needs_recordings else {}
-        maps = {name: half(battles, options.half) for name, battles in maps.items()}
-        chosen = known(options.maps or [], {*maps, *sp.scenarios()})
-    except (RecordingError, ValueError) as error:
+        return measure(options)
+    except (RecordingError, ValueError, OSError, sp.errors.PoolError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 1
+
+
+def measure(options: argparse.Namespace) -> int:
+    needs_recordings = set(options.measures) & set(runs.OF_RECORDINGS)
+    maps = recordings.read(options.folder) if needs_recordings else {}
+    maps = {name: half(battles, options.half) for name, battles in maps.items()}
+    chosen = known(options.maps or [], {*maps, *sp.scenarios()})
     maps = {name: each for name, each in maps.items() if each and (not chosen or name in chosen)}
     measured = []
     failed = False

@@ -18,6 +18,8 @@ def main() -> int:
     parser.add_argument("scenarios", nargs="*", metavar="SCENARIO", help=f"{', '.join(SCENARIOS)} (all)")
     parser.add_argument("--sample", type=int, metavar="N", help="N faults of each scenario (all)")
     options = parser.parse_args()
+    if options.sample is not None and options.sample < 1:
+        parser.error(f"--sample must be at least 1, got {options.sample}")
     if unknown := set(options.scenarios) - set(SCENARIOS):
         parser.error(f"unknown scenario {', '.join(sorted(unknown))}; there are {', '.join(SCENARIOS)}")
     with tempfile.TemporaryDirectory(prefix="faults") as folder:
