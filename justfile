@@ -166,8 +166,12 @@ pictures: install
 chaos minutes seed:
     cargo run --release --quiet --bin chaos -- {{ minutes }} {{ seed }}
 
-# Run the chaos test for an hour, long enough to detect slow growth
-soak seed="1": (chaos "60" seed)
+# Play random pools for STEPS steps, and compare each environment with the engine alone (scenarios: all standard ones)
+long-run steps seed *scenarios:
+    cargo run --release --quiet --bin long_run -- {{ steps }} {{ seed }} {{ scenarios }}
+
+# Run the chaos test for an hour and 10^9 steps of small maps, long enough for what is slow to grow or rare
+soak seed="1": (chaos "60" seed) (long-run "1000000000" seed "2m_vs_1z 2s_vs_1sc 3m 3s_vs_3z")
 
 # Let every system call of commands fail once, and kill them there ([SCENARIO...], --sample N, --help; Debian: strace)
 faults *args: build install

@@ -5,8 +5,9 @@
 //! format); [`compare`] compares them with the engine's battles.
 //!
 //! For pools: [`LanePlan`] and [`PoolPlan`] describe lanes and pools. [`Reference`] computes every [`Row`] of
-//! every frame that a lane must produce, and [`conformance`] checks every way to step one. [`fault`] makes an
-//! environment fail, sleep or wait. [`heap`] counts allocations.
+//! every frame that a lane must produce, and [`conformance`] checks every way to step one. [`long_run`]
+//! compares very many steps by their checksums. [`fault`] makes an environment fail, sleep or wait. [`heap`]
+//! counts allocations.
 //! - In one process: [`in_memory`] is a transport of channels and vectors.
 //! - With real processes: a [`Child`] is the running program itself, started again with one of the [`roles`],
 //!   and the parent sends it commands as lines of text. Every test has a [`TestDir`], so that tests do not
@@ -25,6 +26,7 @@ pub mod fork;
 pub mod heap;
 pub mod in_memory;
 pub mod learner;
+pub mod long_run;
 pub mod npy;
 pub mod other_user;
 mod own_features;
@@ -33,6 +35,7 @@ pub mod process;
 pub mod raw_client;
 pub mod recording;
 pub mod reference;
+mod resources;
 pub mod roles;
 pub mod row;
 pub mod skip;

@@ -54,7 +54,6 @@
 //! - At the end no file is left.
 
 mod processes;
-mod resources;
 pub mod roles;
 mod summary;
 
@@ -63,12 +62,12 @@ pub use summary::Summary;
 use crate::crash_points::{CALLS, check, has_strace};
 use crate::fault::Fault;
 use crate::process::{TIMEOUT, eventually};
+use crate::resources::ResourceMonitor;
 use crate::{Child, LanePlan, PoolPlan, TestDir};
 use processes::Processes;
 use rand::seq::IndexedRandom;
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
-use resources::ResourceMonitor;
 use smaclite_pool::Autoreset;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};

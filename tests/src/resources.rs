@@ -1,10 +1,11 @@
-//! The resources of a supervisor: memory, mappings, file descriptors and files. They must not grow in a run.
+//! The resources of a process with pools: memory, mappings, file descriptors and files. They must not grow in
+//! a run.
 
 use crate::TestDir;
 use std::path::{Path, PathBuf};
 
 /// Compares two measurements of a process, at moments when the same clients are attached to it.
-pub(super) struct ResourceMonitor {
+pub(crate) struct ResourceMonitor {
     process: PathBuf,
     first: Option<Resources>,
     last: Option<Resources>,
@@ -16,7 +17,7 @@ struct Resources {
     /// Private memory in kB.
     memory: u64,
     mappings: usize,
-    /// Files of both pools, sorted.
+    /// Files of its pools, sorted.
     files: Vec<PathBuf>,
 }
 
@@ -35,11 +36,11 @@ const MORE_FILES: usize = 64;
 const MORE_MEMORY: u64 = 4096;
 
 impl ResourceMonitor {
-    pub(super) fn new(pid: u32) -> ResourceMonitor {
+    pub(crate) fn new(pid: u32) -> ResourceMonitor {
         ResourceMonitor { process: PathBuf::from(format!("/proc/{pid}")), first: None, last: None }
     }
 
-    pub(super) fn measure(&mut self, dir: &TestDir) {
+    pub(crate) fn measure(&mut self, dir: &TestDir) {
         let measurement = if self.first.is_none() { &mut self.first } else { &mut self.last };
         *measurement = measure(&self.process, dir.files());
     }
@@ -48,9 +49,9 @@ impl ResourceMonitor {
     ///
     /// # Errors
     /// If they show growth.
-    pub(super) fn check(&self) -> Result<String, String> {
+    pub(crate) fn check(&self) -> Result<String, String> {
         let (Some(first), Some(last)) = (&self.first, &self.last) else {
-            return Err("the resources of the supervisor could not be measured".to_owned());
+            return Err("the resources of the process could not be measured".to_owned());
         };
         let text = format!(
             "{} then {} file descriptors, {} then {} kB private memory, {} then {} mappings, \
@@ -75,7 +76,7 @@ impl ResourceMonitor {
             last.files.iter().filter(|file| first.files.binary_search(file).is_err()).collect();
         let (first, last) = (&first.descriptors, &last.descriptors);
         Err(format!(
-            "the resources of the supervisor grow: {text}; first {first:#?}, last {last:#?}, \
+            "the resources of the process grow: {text}; first {first:#?}, last {last:#?}, \
              new files {new_files:#?}"
         ))
     }
