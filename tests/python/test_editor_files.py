@@ -150,6 +150,17 @@ def test_files_are_opened_and_downloaded(browser: Any, tmp_path: Path) -> None:
         editor.field("terrain_preset").select_option("")
         editor.field("width").fill("40")
         assert {len(row) for row in editor.json()["terrain"]} == {40} and editor.json()["width"] == 40
+        # The walls of a map whose side was typed anew were those before an earlier change, or were gone.
+        editor.tab("scenario")
+        before = editor.json()["terrain"]
+        walls = ["X" * 40, *before[1:]]
+        editor.tab("json")
+        editor.page.fill("#text", json.dumps(editor.json() | {"terrain": walls}))
+        editor.tab("scenario")
+        editor.field("width").click()
+        editor.press("ControlOrMeta+a", "Backspace")
+        editor.page.keyboard.type("50")
+        assert [row[:40] for row in editor.json()["terrain"]] == walls
 
 
 def test_a_generated_scenario_file_is_opened_as_a_scenario(browser: Any, tmp_path: Path) -> None:

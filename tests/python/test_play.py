@@ -295,6 +295,8 @@ def test_a_battle_goes_on_when_the_program_comes_back(
         before = page.place(0, 0)
         page.stop()
         page.page.wait_for_selector("#message:visible")
+        page.press("Space")  # which hides the message, and once ended the battle for good
+        page.page.wait_for_selector("#message:visible")
         assert "connection to smaclite-pool is lost" in page.text("#message")
         page.start()
         page.page.wait_for_selector("#message", state="hidden")
@@ -302,6 +304,8 @@ def test_a_battle_goes_on_when_the_program_comes_back(
         assert (page.step, page.place(0, 0)) == (5, before)
         page.one_step()
         page.save(lambda: page.page.click("#save"), tmp_path / "on.smreplay")
+        page.press("Space")
+        page.wait(lambda: page.step > 6)
         # The browser says so when a connection is refused.
         refused = re.compile(r"WebSocket connection to .* failed|ERR_CONNECTION_REFUSED")
         page.problems = [text for text in page.problems if not refused.search(text)]

@@ -377,6 +377,9 @@ def test_a_link_of_a_team_that_was_dropped_on_another_page_has_its_battle(browse
         page.page.evaluate("location.hash = 'scenario=8m&team=nobody'")
         page.wait_for_text("#name", "8m")
         assert 'no team "nobody"' in page.text("#note")
+    with Playground(browser, "scenario=8m&team=nobody&play=1") as page:
+        page.wait_for_step(1)
+        assert 'no team "nobody"' in page.text("#note"), "also if it plays at once"
 
 
 def test_a_new_battle_after_a_replay_is_one_of_its_scenario(browser: Any, tmp_path: Path) -> None:

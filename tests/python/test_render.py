@@ -43,6 +43,15 @@ def test_pictures_differ_between_states() -> None:
     assert not np.array_equal(picture, renderer.render(np.zeros_like(first)))  # all are dead
 
 
+def test_units_have_the_sizes_of_their_rules() -> None:
+    """A spine crawler is wider than a stalker under `starcraft`, and was drawn as SMAClite's."""
+    with sp.make("2s_vs_1sc", 1, rules="starcraft") as envs, sp.make("2s_vs_1sc", 1) as others:
+        state = envs.reset(seed=1).state[0].copy()
+        own, by_name, of_others = (sp.Renderer(who, 200, 120) for who in (envs, "2s_vs_1sc", others))
+        assert np.array_equal(by_name.render(state), of_others.render(state))
+        assert not np.array_equal(own.render(state), of_others.render(state))
+
+
 def test_options_change_the_picture() -> None:
     with sp.make("MMM", 1) as envs:
         state = envs.reset(seed=1).state[0].copy()

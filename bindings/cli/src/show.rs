@@ -79,7 +79,7 @@ impl Show {
                 saved.print()?;
                 out!()?;
             }
-            (saved.scenario, saved.snapshot.units)
+            (saved.setup.rules.figures(&saved.scenario).into_owned(), saved.snapshot.units)
         } else if self.of.is_some() {
             return Err(format!("--scenario is for snapshots, FILE.snapshot; `{name}` is none").into());
         } else {

@@ -148,8 +148,8 @@ impl Renderer {
         let theme = to_theme(theme)?;
         let options =
             Options { width, height, show_sight, show_range, show_ids, theme, ..Options::default() };
-        let scenario = scenario.resolve(py)?;
-        Renderer::of(py, scenario, options)
+        let (rules, scenario) = (scenario.rules()?, scenario.resolve(py)?);
+        Renderer::of(py, rules.figures(&scenario).into_owned(), options)
     }
 
     /// Draw one battle.

@@ -73,8 +73,9 @@ export async function startPlayground(engine, { teams, first, other, has_fog: ha
   page.builtInTeams = new Set(teams.map(({ name }) => name));
   byId("share").hidden = !canShare;
   byId("edit").addEventListener("click", () => page.enqueue(() => edit(page, other)));
-  if (new URLSearchParams(location.hash.slice(1)).get("play") === "1" && !isRefused) page.toggle();
-  else page.note(note ?? GUIDES[isTouch() ? "touch" : "mouse"]);
+  const plays = new URLSearchParams(location.hash.slice(1)).get("play") === "1" && !isRefused;
+  if (plays) page.toggle();
+  if (note || !plays) page.note(note ?? GUIDES[isTouch() ? "touch" : "mouse"]);
   page.warn();
   listenToFiles({
     replay: (name, bytes) => page.enqueue(() => page.openReplay(name, bytes)),

@@ -66,6 +66,8 @@ export class Playground extends Commander {
     this.result = null;
     /** Whether the team goes on where the battle ends; not in a replay, until somebody plays. */
     this.goesOn = true;
+    /** Whether nothing is played until the engine is back. */
+    this.isWaiting = false;
     this.mover = new Mover(this);
     this.painter = new Painter(this);
     this.headline = new Headline();
@@ -162,7 +164,7 @@ export class Playground extends Commander {
    */
   async begin(source, team, actions = [], taken = []) {
     const begun = await this.engine.request({ type: "begin_battle", of: source, team, actions, taken });
-    Object.assign(this, { source, team, goesOn: source.kind === "scenario" });
+    Object.assign(this, { source, team, goesOn: source.kind === "scenario", isWaiting: false });
     this.accept(begun, taken);
     byId("message").hidden = byId("note").hidden = true;
     this.warn();
@@ -248,7 +250,8 @@ export class Playground extends Commander {
     try {
       this.append(await this.engine.request({ type: "play_steps", steps }));
     } catch (error) {
-      this.goesOn = false;
+      if (error instanceof EngineLost) this.isWaiting = true;
+      else this.goesOn = false;
       this.fail(error);
     }
   }
@@ -439,7 +442,7 @@ export class Playground extends Commander {
     const { clock } = this,
       left = (clock.end - clock.time) / (TICKS_PER_SECOND * clock.speed);
     const isFarAhead = clock.end - clock.time > FARTHEST_AHEAD;
-    if (!this.pending) {
+    if (!this.pending && !this.isWaiting) {
       if (this.isPlayedAhead && !isFarAhead) this.enqueue(() => this.play(AHEAD));
       else if (this.isLive && this.goesOn && clock.playing && left < LEAD) this.enqueue(() => this.play(1));
     }
@@ -486,7 +489,6 @@ export class Playground extends Commander {
   /** @param {unknown} error */
   fail(error) {
     this.clock.playing = false;
-    if (error instanceof EngineLost) return;
     showMessage(messageOf(error));
     this.redraw();
   }

@@ -142,7 +142,7 @@ impl PlayedBattle {
     /// Plays up to so many steps by orders and the team.
     pub fn play(&mut self, steps: usize) -> Result<PlayedSteps, BattleError> {
         let (first, mut seen) = (self.steps(), Seen::default());
-        while self.steps() < first + steps && !self.recorder.battle().is_over() {
+        while self.steps() - first < steps && !self.recorder.battle().is_over() {
             let actions = self.choose()?;
             self.step(actions, &mut seen)?;
         }

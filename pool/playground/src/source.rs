@@ -24,6 +24,8 @@ pub(crate) enum SourceError {
     NoLimit,
     #[error("the scenario `{name}` is not valid: {problems}{hint}")]
     Invalid { name: String, problems: Problems, hint: &'static str },
+    #[error("two unit files are called {name}.json; a scenario has each name once, so rename one of them")]
+    TwoFiles { name: String },
     #[error("open one scenario file, which has `groups` or `teams`, and its unit files; got {0}")]
     Count(String),
 }
@@ -105,7 +107,11 @@ pub(crate) fn opened(files: Vec<TextFile>) -> Result<String, SourceError> {
         keys.dedup();
         (!keys.is_empty()).then_some(UnitFile { name: stem, keys, text })
     };
-    let unit_files = units.into_iter().filter_map(unit_file).collect();
+    let unit_files: Vec<UnitFile> = units.into_iter().filter_map(unit_file).collect();
+    let names: Vec<&str> = unit_files.iter().map(|file| file.name.as_str()).collect();
+    if let Some(twice) = (1..names.len()).find(|&i| names[..i].contains(&names[i])) {
+        return Err(SourceError::TwoFiles { name: names[twice].to_owned() });
+    }
     let files = ScenarioFiles { source: name.clone(), text, unit_files };
     match files.scenario() {
         Ok(scenario) => Ok(source_of(&BattleSetup::new(files), &scenario)),

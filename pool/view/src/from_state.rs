@@ -74,6 +74,8 @@ fn unit_moment(scenario: &Scenario, id: usize, features: UnitFeatures<'_>) -> Un
     let relative = DVec2::new(features.get("rel_x"), features.get("rel_y"));
     let pos = if alive { relative * map + map / 2.0 } else { DVec2::NAN };
     let energy_or_cooldown = features.get("energy/cooldown");
+    let greatest_cooldown =
+        if scenario.smacv2.is_some() { unit_type.cooldown } else { unit_type.greatest_cooldown() };
     let (energy, cooldown) =
         if unit_type.is_healer() { (energy_or_cooldown, 0.0) } else { (0.0, energy_or_cooldown) };
     UnitMoment {
@@ -83,7 +85,7 @@ fn unit_moment(scenario: &Scenario, id: usize, features: UnitFeatures<'_>) -> Un
         hp: (features.get("health").max(0.0) * unit_type.hp) as f32,
         shield: (features.get("shield") * unit_type.shield) as f32,
         energy: (energy * unit_type.energy) as f32,
-        cooldown: (cooldown * unit_type.cooldown) as f32,
+        cooldown: (cooldown * greatest_cooldown) as f32,
         alive,
         target: None,
     }

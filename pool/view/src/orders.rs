@@ -5,6 +5,7 @@ use glam::Vec2;
 use serde::{Deserialize, Serialize};
 use smaclite_engine::{Battle, TICKS_PER_STEP, action, agent_ranges};
 use smaclite_scenarios::{Faction, Scenario};
+use std::borrow::Cow;
 #[cfg(test)]
 use ts_rs::TS;
 
@@ -211,7 +212,8 @@ impl Held {
 
 /// A battle before a step.
 struct Field<'a> {
-    scenario: &'a Scenario,
+    /// With the figures of the battle's rules.
+    scenario: Cow<'a, Scenario>,
     battle: &'a Battle,
     /// The type of every unit. An episode of a generated scenario has drawn them.
     types: Vec<usize>,
@@ -226,6 +228,7 @@ impl<'a> Field<'a> {
         agents: &'a [usize],
         enemies: &'a [usize],
     ) -> Field<'a> {
+        let scenario = battle.arena().rules().figures(scenario);
         Field { scenario, battle, types: battle.types().collect(), agents, enemies }
     }
 

@@ -109,14 +109,14 @@ impl Replay {
         let failed = |error| format!("{}: {error}", self.file.display());
         let player = replay.play(self.episode.unwrap_or(0)).map_err(failed)?;
         let moments = player.collect::<Result<Vec<_>, _>>().map_err(failed)?;
-        let mut options =
-            Options { view: View::around(replay.scenario(), &moments, MARGIN), ..Options::default() };
+        let scenario = replay.setup().rules.figures(replay.scenario());
+        let mut options = Options { view: View::around(&scenario, &moments, MARGIN), ..Options::default() };
         if let Some(size) = self.size {
             (options.width, options.height) = (size.width, size.height);
         }
         options.theme = self.theme.unwrap_or_default().into();
         let fps = self.fps.unwrap_or(TICKS_PER_SECOND);
-        export::write(to, replay.scenario(), options, &moments, fps)
+        export::write(to, &scenario, options, &moments, fps)
     }
 
     /// Writes the state before a step, as a record that pools of the same scenario restore.

@@ -62,7 +62,13 @@ pub trait Situation {
     /// Seconds until the unit of an agent can act again; 0 for healers.
     fn cooldown(&self, id: u32) -> f64 {
         let stats = self.arena().stats(id);
-        if stats.is_healer { 0.0 } else { f64::from(self.features(id).energy_or_cooldown) * stats.cooldown }
+        if stats.is_healer {
+            return 0.0;
+        }
+        // SMACv2's interface divides by the cooldown without its random delay.
+        let greatest =
+            if self.arena().interface().is_some() { stats.cooldown } else { stats.greatest_cooldown };
+        f64::from(self.features(id).energy_or_cooldown) * greatest
     }
 }
 

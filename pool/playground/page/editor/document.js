@@ -127,7 +127,26 @@ export class ScenarioDocument extends History {
   unitKeys() {
     const ids = this.shown.value(["unit_type_ids"]);
     const keys = this.groups().flatMap((group) => group.units.map(([key]) => key));
-    return [...new Set([...keys, ...(ids instanceof Map ? ids.keys() : [])])];
+    const ofTeams = this.teamEntries().map((path) => this.shown.value(path));
+    return [...new Set([...keys, ...ofTeams, ...(ids instanceof Map ? ids.keys() : [])])];
+  }
+
+  /**
+   * The entries of `teams` that name a unit type.
+   * @returns {Path[]}
+   */
+  teamEntries() {
+    /** @param {Path} path */
+    const entriesOf = (path) => {
+      const list = this.shown.value(path);
+      return Array.isArray(list) ? list.map((_, i) => [...path, i]) : [];
+    };
+    const lists = [
+      ["teams", "unit_types"],
+      ["teams", "exception_unit_types"],
+      ...entriesOf(["teams", "teams"]),
+    ];
+    return lists.flatMap(entriesOf).filter((path) => typeof this.shown.value(path) === "string");
   }
 
   /**
@@ -372,6 +391,8 @@ export class ScenarioDocument extends History {
     let { scenario } = this.state;
     for (const key of keys) {
       this.groups().forEach((_, i) => (scenario = scenario.rename(["groups", i, "units", key], name)));
+      for (const path of this.teamEntries())
+        if (this.shown.value(path) === key) scenario = scenario.set(path, name);
       scenario = scenario.rename(["unit_type_ids", key], name);
     }
     this.change({ units, scenario });

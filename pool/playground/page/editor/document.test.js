@@ -30,6 +30,17 @@ test("while the text is no JSON, the last map and groups are shown and cannot be
   assert.deepEqual([doc.isStale, doc.map(), doc.groups()], [true, map, groups], "those before that text");
 });
 
+test("unit files that only teams name have their keys, and teams the new name", () => {
+  const teams = { distribution: "fixed", teams: [["units/scout", "MARINE"], ["units/scout"]] };
+  const scout = { name: "scout", keys: [], text: "{}" };
+  const text = JSON.stringify({ name: "drawn", teams });
+  const doc = new ScenarioDocument(builtins, { source: "s.json", text, unit_files: [scout] });
+  assert.deepEqual(doc.files().unit_files[0].keys, ["units/scout"]);
+  doc.renameUnit(0, "spy");
+  assert.deepEqual(doc.scenario.value(["teams", "teams"]), [["spy", "MARINE"], ["spy"]]);
+  assert.deepEqual(doc.files().unit_files[0].keys, ["spy"]);
+});
+
 test("what is undone is redone, to the letter", () => {
   const doc = open();
   const texts = [doc.scenario.text];

@@ -351,11 +351,11 @@ export class ScenarioPanel extends Panel {
   resize(key, value, merge) {
     const { doc } = this.page,
       map = doc.map();
+    // Typing "64" passes "6", or an empty field: the squares beyond come back from the map before the typing.
+    if (doc.merge !== merge) this.before = map;
     const isSide = Number.isInteger(value) && value >= 1 && value <= doc.formats.side.longest;
     if (!isSide) return doc.setKey([key], value, merge);
     if (map[key] === value) return doc.setKey([key], value, merge);
-    // Typing "64" passes "6": the squares beyond come back from the map before the typing.
-    if (doc.merge !== merge) this.before = map;
     const from = this.before ?? map;
     const [width, height] = key === "width" ? [value, map.height] : [map.width, value];
     const blocked = new Uint8Array(width * height);

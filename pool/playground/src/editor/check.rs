@@ -65,13 +65,13 @@ fn drawn(files: &ScenarioFiles, types: &mut Types<'_>, seed: &str) -> Option<Vec
     let battle = Battle::new(Arc::new(arena), seed.parse().unwrap_or(0));
     let units = scenario.units.iter().zip(battle.types().zip(&battle.units().pos));
     let unit = |(unit, (unit_type, pos)): (&Placement, (usize, &Vec2))| {
-        let index = types.index(&scenario.unit_types[unit_type].name)?;
-        Some((index, usize::from(unit.faction == Faction::Enemy), pos.x, pos.y))
+        let index = types.index_of(&scenario.unit_types[unit_type]);
+        (index, usize::from(unit.faction == Faction::Enemy), pos.x, pos.y)
     };
-    units.map(unit).collect()
+    Some(units.map(unit).collect())
 }
 
-/// The unit types that the groups name.
+/// The unit types that the groups name, and those that are drawn.
 struct Types<'a> {
     files: &'a ScenarioFiles,
     keys: Vec<String>,
@@ -86,6 +86,16 @@ impl Types<'_> {
             self.types.push(self.files.unit_type(key)?);
             self.keys.push(key.to_owned());
             Some(self.types.len() - 1)
+        })
+    }
+
+    /// The index of a type of the scenario, whose key is not known: it may have a folder.
+    fn index_of(&mut self, unit_type: &UnitType) -> usize {
+        let known = self.types.iter().position(|known| known.name == unit_type.name);
+        known.unwrap_or_else(|| {
+            self.types.push(unit_type.clone());
+            self.keys.push(unit_type.name.clone());
+            self.types.len() - 1
         })
     }
 }

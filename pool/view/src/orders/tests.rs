@@ -19,7 +19,11 @@ impl War {
     }
 
     fn of(scenario: Scenario, seed: u64) -> War {
-        let battle = Battle::new(Arc::new(Arena::new(&scenario, Rules::Smaclite)), seed);
+        War::under(Rules::Smaclite, scenario, seed)
+    }
+
+    fn under(rules: Rules, scenario: Scenario, seed: u64) -> War {
+        let battle = Battle::new(Arc::new(Arena::new(&scenario, rules)), seed);
         let orders = Orders::new(&scenario);
         let (agents, enemies) = (orders.agents.clone(), orders.enemies.clone());
         War { scenario, battle, agents, enemies, orders }
@@ -265,4 +269,19 @@ fn orders_that_make_no_sense_are_refused() {
     assert_eq!(error(&mut war, 0, Order::Target { unit: 6 }), "unit must be below 6, got 6");
     assert!(error(&mut war, 0, Order::Move { x: f32::NAN, y: 0.0 }).contains("finite numbers, got NaN, 0"));
     assert_eq!(war.order(0), Order::None);
+}
+
+/// Under `starcraft` a marine goes 1.125 squares in a step, not the 1.575 of SMAClite: an order to go less
+/// than half of those ended at once.
+#[test]
+fn agents_come_as_near_as_the_speed_of_their_rules_allows() {
+    for (rules, length) in [(Rules::Smaclite, 1.575), (Rules::Starcraft, 1.125)] {
+        let mut war = War::under(rules, Scenario::standard("3m").expect("a standard scenario"), 1);
+        let start = war.position(0);
+        let to = start - Vec2::new(0.6 * length, 0.0);
+        war.give(0, Order::Move { x: to.x, y: to.y });
+        war.step();
+        let left = war.position(0).distance(to);
+        assert!(left < 0.45 * length, "{rules}: {left} of {length}");
+    }
 }

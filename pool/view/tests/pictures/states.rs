@@ -9,8 +9,9 @@ use smaclite_view::{Moment, Observer, Options, UnitMoment};
 use crate::kit::*;
 
 /// After every step of an episode: the moment of the battle, and that of its state.
-fn play_states(scenario: &Scenario) -> Vec<(Moment, Moment)> {
-    let arena = Arc::new(Arena::new(scenario, Rules::Smaclite));
+fn play_states(scenario: &Scenario, rules: Rules) -> Vec<(Moment, Moment)> {
+    let arena = Arc::new(Arena::new(scenario, rules));
+    let scenario = &*rules.figures(scenario);
     let mut state = vec![0.0; arena.sizes().state_size];
     let mut battle = Battle::new(arena, 1);
     let mut observer = Observer::new(scenario, &battle);
@@ -60,13 +61,14 @@ fn assert_near(what: &str, got: f32, expected: f32, context: &str) {
 
 #[test]
 fn a_state_gives_the_moment_of_its_battle() {
-    for name in Scenario::standard_names() {
+    let rules = [Rules::Smaclite, Rules::Starcraft]; // under which cooldowns have a random delay
+    for (name, rules) in Scenario::standard_names().flat_map(|name| rules.map(|rules| (name, rules))) {
         let scenario = standard(name);
         let mut n_dead = 0;
-        for (step, (battle, state)) in play_states(&scenario).iter().enumerate() {
+        for (step, (battle, state)) in play_states(&scenario, rules).iter().enumerate() {
             assert!(state.attacks.is_empty() && state.units.len() == battle.units.len());
             for (id, (unit, got)) in battle.units.iter().zip(&state.units).enumerate() {
-                let context = format!("{name}, step {step}, unit {id}");
+                let context = format!("{name}, {rules}, step {step}, unit {id}");
                 let expected = visible(&scenario, id, unit);
                 assert_eq!((got.alive, got.target), (expected.alive, None), "{context}");
                 assert_near("health", got.hp, expected.hp, &context);
@@ -78,7 +80,7 @@ fn a_state_gives_the_moment_of_its_battle() {
                 n_dead += usize::from(!unit.alive);
             }
         }
-        assert!(n_dead > 0, "{name}: no unit died");
+        assert!(n_dead > 0, "{name}, {rules}: no unit died");
     }
 }
 
@@ -86,7 +88,7 @@ fn a_state_gives_the_moment_of_its_battle() {
 fn units_face_their_nearest_living_opponent() {
     for name in ["MMM2", "2s3z", "bane_vs_bane"] {
         let scenario = standard(name);
-        for (_, moment) in play_states(&scenario) {
+        for (_, moment) in play_states(&scenario, Rules::Smaclite) {
             for (id, unit) in moment.units.iter().enumerate() {
                 let distance = nearest_opponent(&scenario, &moment, id).filter(|_| unit.alive);
                 let Some(distance) = distance else { continue };
@@ -114,7 +116,7 @@ fn units_below_their_level_of_health_are_drawn_while_they_live() {
     let mut scenario = Scenario::standard("terran_5_vs_5").expect("a standard scenario");
     let health = Capability { lower_bound: 0.3, upper_bound: 0.5, observe: true };
     scenario.smacv2.as_mut().expect("options").health = Some(health);
-    let pairs = play_states(&scenario);
+    let pairs = play_states(&scenario, Rules::Smaclite);
     for (of_battle, of_state) in &pairs {
         let [expected, got] = [of_battle, of_state]
             .map(|moment| moment.units.iter().map(|unit| unit.alive).collect::<Vec<_>>());

@@ -79,7 +79,7 @@ export class ProgramEngine {
    */
   async send(request) {
     const { outcome } = await this.connection.request({ type: "session", request }).catch((error) => {
-      throw error instanceof ConnectionLost ? new EngineLost(error.message) : error;
+      throw error instanceof ConnectionLost ? new EngineLost(LOST) : error;
     });
     if ("error" in outcome) throw new Error(outcome.error);
     return outcome.response;
