@@ -7,6 +7,7 @@ use numpy::{PyArray1, PyArray2, PyArrayMethods, ToPyArray};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyString};
+use serde_json::value::RawValue;
 use smaclite_engine::smacv2::{Frame, Interface, Perception};
 use smaclite_engine::{Battle, BattleSetup, Faction, IllegalAction, Scratch};
 use smaclite_scenarios::{Scenario, ScenarioFiles};
@@ -55,7 +56,7 @@ impl CapabilityBattle {
             }
         };
         // What Python writes for NaN is no JSON.
-        let read = |options: String| serde_json::from_str(&options).map_err(invalid);
+        let read = |options: String| RawValue::from_string(options).map_err(invalid);
         let options = smacv2.map(json).transpose()?.map(read).transpose()?;
         let files = files.with_keys(options.map(|options| ("smacv2".to_owned(), options)));
         let (scenario, arena) = BattleSetup::new(files).arena().map_err(invalid)?;
@@ -105,6 +106,12 @@ impl CapabilityBattle {
     #[getter]
     fn type_names(&self) -> Vec<&str> {
         self.scenario.unit_types.iter().map(|unit_type| &*unit_type.name).collect()
+    }
+
+    /// Whether the enemies have won.
+    #[getter]
+    fn is_lost(&self) -> bool {
+        self.battle.is_won_by(Faction::Enemy)
     }
 
     /// Begins an episode, from a seed or where the random generator is, and lets the agents look once.

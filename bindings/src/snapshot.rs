@@ -121,12 +121,12 @@ fn layout_of(columns: &Bound<'_, PyDict>, scenario: &Scenario) -> PyResult<Recor
         n_phases: size(Column::NPhases)?,
     };
     let (expected, given) = ((scenario.n_agents(), scenario.n_enemies()), (sizes.n_agents, sizes.n_enemies));
-    if given != expected || sizes.n_past > smaclite_pool::MAX_LAST_ACTIONS {
+    if given != expected || sizes.n_past > smaclite_engine::MAX_LAST_ACTIONS {
         return Err(invalid_request(format!(
             "columns `n_agents`, `n_enemies` and `n_past` must be {}, {} and at most {}, got {}, {} and {}",
             expected.0,
             expected.1,
-            smaclite_pool::MAX_LAST_ACTIONS,
+            smaclite_engine::MAX_LAST_ACTIONS,
             given.0,
             given.1,
             sizes.n_past

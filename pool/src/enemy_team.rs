@@ -13,7 +13,7 @@ pub struct EnemyTeam {
     /// How the lane's description calls it.
     pub name: String,
     /// How many of its own last actions a unit of it observes, 0 to
-    /// [`MAX_LAST_ACTIONS`](crate::MAX_LAST_ACTIONS).
+    /// [`MAX_LAST_ACTIONS`](smaclite_engine::MAX_LAST_ACTIONS).
     pub last_actions: usize,
     /// Makes what plays one environment.
     pub make: Arc<dyn Fn() -> Box<dyn EnemyPolicy> + Send + Sync>,

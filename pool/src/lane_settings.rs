@@ -6,14 +6,11 @@ use crate::fields::{Field, FieldSet};
 use crate::joint_action::MakeHook;
 use crate::layout::Layout;
 use serde::{Deserialize, Serialize};
-use smaclite_engine::{Arena, EnemySizes, RecordLayout, RecordSizes, Sizes};
+use smaclite_engine::{Arena, EnemySizes, MAX_LAST_ACTIONS, RecordLayout, RecordSizes, Sizes};
 use std::sync::Arc;
 
 /// The most environments that a lane can have. Ids travel as i32, and a frame must fit into memory.
 pub const MAX_ENVS: usize = 1_000_000;
-
-/// The most own actions that an observation can have.
-pub const MAX_LAST_ACTIONS: usize = 16;
 
 /// How many environments a lane has, and how they are stepped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -41,7 +41,7 @@ pub use autoreset::Autoreset;
 pub use episode_log::{EpisodePart, FollowerId, MAX_LOG_BYTES, TooManyFollowed};
 pub use joint_action::{JointAction, MakeHook, StepHook};
 pub use lane::Lane;
-pub use lane_settings::{LaneSettings, LaneSettingsError, LaneSpec, MAX_ENVS, MAX_LAST_ACTIONS};
+pub use lane_settings::{LaneSettings, LaneSettingsError, LaneSpec, MAX_ENVS};
 pub use lane_stats::LaneStats;
 pub use pool_options::PoolOptions;
 pub use rejection::Rejection;

@@ -4,10 +4,9 @@ use crate::Scenario;
 use crate::keys::{GROUPS, HEIGHT, REWARDS, SMACV2, TEAMS, TERRAIN, TERRAIN_PRESET, WIDTH};
 use crate::unit_files::{Origin, UnitFile};
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
 use serde_json::value::{RawValue, to_raw_value};
 use smaclite_units::Problems;
-use smaclite_units::file::{MAX_SCENARIO_BYTES, Report, read_text, shown_path};
+use smaclite_units::file::{MAX_SCENARIO_BYTES, Report, read_text, shown_path, without_mark};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -26,6 +25,22 @@ fn replaced_by(key: &str) -> &'static [&'static str] {
         _ if key == TERRAIN_PRESET.name => &[TERRAIN.name, WIDTH.name, HEIGHT.name],
         _ => &[],
     }
+}
+
+/// The entries of a JSON object, as they are written.
+fn entries_of(text: &str) -> Option<BTreeMap<String, Box<RawValue>>> {
+    serde_json::from_str(text).ok()
+}
+
+/// The options of an object and others, which replace those of the same names. The others stay as they are
+/// written: a duplicate is found by the reader of the whole.
+fn with_options(options: &RawValue, others: &RawValue) -> Option<Box<RawValue>> {
+    let (mut left, replaced) = (entries_of(options.get())?, entries_of(others.get())?);
+    left.retain(|name, _| !replaced.contains_key(name));
+    let left = serde_json::to_string(&left).ok()?;
+    let inside = |object: &str| object[1..object.len() - 1].to_owned();
+    let comma = if left == "{}" || replaced.is_empty() { "" } else { "," };
+    RawValue::from_string(format!("{{{}{comma}{}}}", inside(&left), inside(others.get()))).ok()
 }
 
 /// The text of a scenario file and of every unit file that it names.
@@ -81,12 +96,14 @@ impl ScenarioFiles {
     /// assert!(scenario.generation.is_some());
     /// ```
     #[must_use]
-    pub fn with_keys(&self, keys: impl IntoIterator<Item = (String, Value)>) -> ScenarioFiles {
-        let mut keys: Vec<_> = keys.into_iter().collect();
-        let is_given = |key: &str| keys.iter().any(|(given, value)| given == key && !value.is_null());
-        // What is not changed stays as it is written: the order of `units` in groups gives units their ids.
-        let read = serde_json::from_str::<BTreeMap<String, Box<RawValue>>>(&self.text);
-        let Some(mut file) = read.ok().filter(|_| !keys.is_empty()) else { return self.clone() };
+    pub fn with_keys(&self, keys: impl IntoIterator<Item = (String, impl Serialize)>) -> ScenarioFiles {
+        // Texts, whose entries keep their order: that of `units` in groups gives units their ids.
+        let text_of = |(key, value)| Some((key, to_raw_value(&value).ok()?));
+        let mut keys: Vec<(String, Box<RawValue>)> = keys.into_iter().filter_map(text_of).collect();
+        let is_null = |value: &RawValue| value.get() == "null";
+        let is_given = |key: &str| keys.iter().any(|(given, value)| given == key && !is_null(value));
+        let read = entries_of(without_mark(&self.text));
+        let Some(mut file) = read.filter(|_| !keys.is_empty()) else { return self.clone() };
         for key in keys.iter().map(|(key, _)| key.as_str()).filter(|key| is_given(key)) {
             // Who gives both is told that one of them must be left out.
             for replaced in replaced_by(key).iter().filter(|replaced| !is_given(replaced)) {
@@ -97,21 +114,16 @@ impl ScenarioFiles {
         keys.sort_by_key(|(key, _)| key == REWARDS.name); // after options of `smacv2` that are given, too
         for (mut key, value) in keys {
             let is_smacv2 = has_smacv2 && file.contains_key(SMACV2.name);
-            if key == REWARDS.name && is_smacv2 && !value.is_null() {
+            if key == REWARDS.name && is_smacv2 && !is_null(&value) {
                 SMACV2.name.clone_into(&mut key);
             }
             let has_options = [SMACV2.name, REWARDS.name].contains(&&*key);
             let of_file = file.remove(&key).filter(|_| has_options);
-            let options = of_file.and_then(|options| serde_json::from_str(options.get()).ok());
-            let value = match (options, value) {
-                (_, Value::Null) => continue,
-                (Some(Value::Object(mut options)), Value::Object(changed)) => {
-                    options.extend(changed);
-                    Value::Object(options)
-                }
-                (_, value) => value,
-            };
-            file.extend(to_raw_value(&value).ok().map(|value| (key, value)));
+            if is_null(&value) {
+                continue;
+            }
+            let merged = of_file.and_then(|options| with_options(&options, &value));
+            file.insert(key, merged.unwrap_or(value));
         }
         let text = serde_json::to_string_pretty(&file).unwrap_or_default() + "\n";
         ScenarioFiles { source: self.source_with_changes(), text, ..self.clone() }

@@ -168,7 +168,7 @@ impl<'a> Roster<'a> {
         if let Some((_, reported)) = self.refused.iter().find(|(refused, _)| *refused == source) {
             return Err(*reported);
         }
-        match files.load(&source, entry) {
+        match files.load(&source, entry).and_then(|unit_type| self.with_own_name(unit_type, &source, entry)) {
             Ok(unit_type) => {
                 self.unit_types.push(unit_type);
                 self.sources.push((source, entry.clone()));
@@ -179,6 +179,22 @@ impl<'a> Roster<'a> {
                 Err(reported)
             }
         }
+    }
+
+    /// The type, if no other has its name: views, pictures and other sections of the file know types by
+    /// names.
+    fn with_own_name(
+        &self,
+        unit_type: UnitType,
+        source: &UnitSource,
+        entry: &Node,
+    ) -> Result<UnitType, Reported> {
+        let name = &unit_type.name;
+        let Some((other, _)) = self.types().find(|(_, known)| known == name) else { return Ok(unit_type) };
+        Err(entry.wrong_key(&format!(
+            "refers to {source}, but {other} is another type of the name {name} in this scenario; rename a \
+             unit file"
+        )))
     }
 
     /// Checks a start position, rounded to f32 as in a battle.

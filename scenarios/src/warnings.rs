@@ -5,7 +5,7 @@ use crate::generation::lists_of;
 use crate::groups::with_article;
 use crate::keys::{self, GROUP_KEYS};
 use crate::{Faction, Placement, Scenario, ScenarioFiles, Terrain};
-use serde_json::Value;
+use serde_json::json;
 use smaclite_units::file::{Document, Node, Report};
 use smaclite_units::{Plane, Problem};
 use std::collections::BTreeSet;
@@ -16,7 +16,7 @@ impl ScenarioFiles {
     /// - ground units that start on blocked squares, which they may never leave;
     /// - agents and enemies, all of them ground units, that no path connects;
     /// - agents that attack, but none of the enemies, also of teams that are drawn;
-    /// - agents that all heal.
+    /// - agents that all heal, also of teams that are drawn.
     ///
     /// An invalid scenario has none. Where start positions are drawn, nothing is said of those of groups.
     ///
@@ -49,7 +49,12 @@ impl ScenarioFiles {
         if scenario.generation.is_none() {
             return scenario.units.clone();
         }
-        let fixed = self.with_keys([(keys::START_POSITIONS.name.to_owned(), Value::Null)]).scenario();
+        // Groups need the attack point, which drawn positions do not.
+        let keys = [
+            (keys::START_POSITIONS.name, json!(null)),
+            (keys::ATTACK_POINT.name, json!(scenario.attack_point)),
+        ];
+        let fixed = self.with_keys(keys.map(|(key, value)| (key.to_owned(), value))).scenario();
         fixed.map_or_else(|_| Vec::new(), |fixed| fixed.units)
     }
 }
@@ -85,7 +90,7 @@ fn warn(scenario: &Scenario, units: &[Placement], groups: &Node) {
         rest = others;
     }
     let mut agents = scenario.units.iter().filter(|unit| unit.faction == Faction::Ally);
-    if scenario.generation.is_none() && agents.all(|unit| scenario.unit_types[unit.unit_type].is_healer()) {
+    if agents.all(|unit| scenario.unit_types[unit.unit_type].is_healer()) {
         groups.conflict("have no agent that attacks, so no battle can be won");
     }
     if scenario.generation.is_none() && are_separated(scenario) {
@@ -93,12 +98,15 @@ fn warn(scenario: &Scenario, units: &[Placement], groups: &Node) {
     }
 }
 
-/// Adds the warnings to the report of `teams`, the teams of a valid scenario: types without targets, each
-/// once.
+/// Adds the warnings to the report of `teams`, the teams of a valid scenario: those of healers alone, and
+/// types without targets, each once.
 fn warn_of_teams(scenario: &Scenario, node: &Node) {
     let Some(generation) = &scenario.generation else { return };
     let mut warned = BTreeSet::new();
     for (list, types) in lists_of(node, &generation.teams).unwrap_or_default() {
+        if types.iter().all(|unit_type| scenario.unit_types[*unit_type].is_healer()) {
+            list.conflict("has no type that attacks, so none of its battles can be won");
+        }
         for (entry, unit_type) in list.items().unwrap_or_default().iter().zip(types) {
             if has_no_target(scenario, *unit_type, types.iter().copied()) && warned.insert(*unit_type) {
                 let name = with_article(&scenario.unit_types[*unit_type].name);

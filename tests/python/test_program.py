@@ -132,7 +132,7 @@ def test_a_pool_of_both_sides_says_why_it_is_not_trained_on(serve: Serve, tmp_pa
     """The reason was said to be the field `opponent`, though the lane served all fields."""
     serve("3m:2", "--name", "arena", "--sides", "both", "--mirror")
     done = program("train", "3m", "--pool", "arena", "--out", tmp_path / "run", check=False)
-    assert done.returncode == 1 and "without --sides both" in done.stderr, done.stderr
+    assert done.returncode == 1 and "without `--sides both`" in done.stderr, done.stderr
 
 
 def test_the_example_plays() -> None:

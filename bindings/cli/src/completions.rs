@@ -72,11 +72,12 @@ pub(super) fn lane() -> ArgValueCompleter {
     ArgValueCompleter::new(|current: &OsStr| {
         let text = current.to_string_lossy();
         match text.split_once('=') {
-            Some((lane, scenario)) => scenarios(OsStr::new(scenario))
+            // A folder may have the sign, too.
+            Some((lane, scenario)) if scenarios(current).is_empty() => scenarios(OsStr::new(scenario))
                 .into_iter()
                 .map(|candidate| candidate.add_prefix(format!("{lane}=")))
                 .collect(),
-            None => scenarios(current),
+            _ => scenarios(current),
         }
     })
 }

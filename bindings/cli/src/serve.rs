@@ -7,15 +7,15 @@ use crate::opponent::warn_of_other_rules;
 use crate::os;
 use crate::process::{interrupt_flag, wait_for};
 use clap::Args;
-use serde_json::Value;
-use smaclite_engine::{BattleSetup, EnemySide, EpisodeLimit, Rules, Sides};
+use serde_json::value::RawValue;
+use smaclite_engine::{BattleSetup, EnemySide, EpisodeLimit, MAX_LAST_ACTIONS, Rules, Sides};
 use smaclite_ipc::{
     LaneConfig, RuntimeDir, SERVES_OTHER_PROCESSES, StartError, Supervisor, SupervisorConfig, WaitStrategy,
     check_name,
 };
 use smaclite_learn::LaneOpponents;
 use smaclite_pool::fields::{FieldSet, UnknownField};
-use smaclite_pool::{Autoreset, MAX_ENVS, MAX_LAST_ACTIONS, PoolOptions};
+use smaclite_pool::{Autoreset, MAX_ENVS, PoolOptions};
 use smaclite_scenarios::ScenarioFiles;
 use smaclite_units::file::shortened;
 use std::error::Error;
@@ -66,7 +66,7 @@ pub(super) struct Serve {
     /// A key of the scenario files with another value, as JSON: `--set 'smacv2={"prob_obs_enemy": 0.5}'`;
     /// null removes a key, and options of smacv2 and rewards are added to those of the file. For all lanes
     #[arg(long, value_name = "KEY=JSON", value_parser = key_and_value)]
-    set: Vec<(String, Value)>,
+    set: Vec<(String, Box<RawValue>)>,
     /// Which sides actions play: allies, or both
     #[arg(long, default_value = "allies", value_name = "SIDES", value_parser = ["allies", "both"])]
     sides: String,
@@ -128,18 +128,21 @@ impl FromStr for GivenLane {
     type Err = String;
 
     fn from_str(text: &str) -> Result<GivenLane, String> {
+        // Paths may have both signs.
+        let is_file = |text: &str| Path::new(text).is_file();
+        let is_path = is_file(text) || text.rsplit_once(':').is_some_and(|(path, _)| is_file(path));
         let (name, rest) = match text.split_once('=') {
-            Some((name, rest)) => (Some(name.to_owned()), rest),
-            None => (None, text),
+            Some((name, rest)) if !is_path => (Some(name.to_owned()), rest),
+            _ => (None, text),
         };
         name.as_deref().map_or(Ok(()), |name| check_name(name).map_err(|why| why.to_string()))?;
         let (scenario, num_envs) = match rest.rsplit_once(':') {
-            Some((scenario, given)) => {
+            Some((scenario, given)) if !is_file(rest) => {
                 let num_envs = count(1..=MAX_ENVS)(given);
                 let wrong = |error| format!("the number of environments after `:` {error}; got `{given}`");
                 (scenario, num_envs.map_err(wrong)?)
             }
-            None => (rest, DEFAULT_ENVS),
+            _ => (rest, DEFAULT_ENVS),
         };
         let (text, scenario) = (text.to_owned(), scenario.to_owned());
         Ok(GivenLane { text, name, scenario, num_envs })
@@ -223,7 +226,7 @@ fn random_seed() -> u64 {
 }
 
 /// A key and its value.
-fn key_and_value(text: &str) -> Result<(String, Value), String> {
+fn key_and_value(text: &str) -> Result<(String, Box<RawValue>), String> {
     let (key, value) = text.split_once('=').ok_or("must be KEY=JSON")?;
     if ScenarioFiles::ONLY_IN_FILES.contains(&key) {
         return Err(format!("{key} is for files, and --set opens none"));
@@ -233,6 +236,7 @@ fn key_and_value(text: &str) -> Result<(String, Value), String> {
         let example = match key {
             "start_positions" | "teams" => format!(r#"{key}={{"distribution":"{name}"}}"#),
             "smacv2" | "rewards" => format!(r#"{key}={{"reward_win":100}}"#),
+            "attack_point" => format!("{key}=[16,8]"),
             _ => format!(r#"{key}="{name}""#),
         };
         format!("the value of `{key}` must be JSON, got `{name}`; as an example: --set '{example}'")

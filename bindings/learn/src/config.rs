@@ -6,7 +6,7 @@ mod keywords;
 pub use enemies::{Enemies, SelfPlay};
 pub use keywords::{Activation, Algorithm, NetworkKind};
 use serde::{Deserialize, Serialize};
-use smaclite_pool::MAX_LAST_ACTIONS;
+use smaclite_engine::MAX_LAST_ACTIONS;
 use smaclite_scenarios::Scenario;
 use smaclite_units::file::shortened;
 

@@ -31,7 +31,7 @@ pub enum LaneError {
     Autoreset { lane: String, given: Autoreset },
     #[error(
         "lane `{lane}` is asynchronous: its batches have {batch_size} of {num_envs} environments; serve it \
-         without --batch-size"
+         without `--batch-size`"
     )]
     Asynchronous { lane: String, batch_size: usize, num_envs: usize },
     #[error("lane `{lane}` plays {given}, but {name} was expected; they differ in {differences}")]
@@ -48,10 +48,10 @@ pub enum LaneError {
     EnvsOfMaps { given: Vec<usize>, expected: Vec<usize> },
     #[error(
         "lane `{lane}` appends {given} last actions to observations, but the run has {expected}; serve it \
-         with --obs-last-actions {expected}"
+         with `--obs-last-actions {expected}`"
     )]
     LastActions { lane: String, given: usize, expected: usize },
-    #[error("lane `{lane}` appends agent numbers, which no network reads; serve it without --obs-agent-id")]
+    #[error("lane `{lane}` appends agent numbers, which no network reads; serve it without `--obs-agent-id`")]
     AgentId { lane: String },
     #[error(
         "a team can play both sides if they have equal sizes, but in {scenario} the agents are {agents}, and \

@@ -6,7 +6,7 @@ use crate::habits::check_settings;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{IntoPyDict, PyCFunction, PyDict, PyMapping, PyString};
-use serde_json::Value;
+use serde_json::value::RawValue;
 use smaclite_engine::{EpisodeLimit, OpponentsError, Sides};
 use smaclite_learn::{LaneOpponents, LaneOpponentsError};
 use smaclite_pool::{Autoreset, PoolOptions};
@@ -19,7 +19,7 @@ const MAX_LANES: usize = 64;
 
 /// The further keywords of `make`: keys of scenario files and their values. None leaves the file's, as it is
 /// the default of functions that hand such a keyword on.
-pub(super) fn changed_keys(battle: &Bound<'_, PyDict>) -> PyResult<Vec<(String, Value)>> {
+pub(super) fn changed_keys(battle: &Bound<'_, PyDict>) -> PyResult<Vec<(String, Box<RawValue>)>> {
     check_settings("make", battle, Vec::new(), Vec::new())?;
     let changed = |(key, value): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
         let key: String = key.extract()?;
@@ -29,8 +29,8 @@ pub(super) fn changed_keys(battle: &Bound<'_, PyDict>) -> PyResult<Vec<(String, 
     battle.iter().filter(|(_, value)| !value.is_none()).map(changed).collect()
 }
 
-/// A value of a key of scenario files.
-fn json_of(key: &str, value: &Bound<'_, PyAny>) -> PyResult<Value> {
+/// A value of a key of scenario files, as the text of JSON.
+fn json_of(key: &str, value: &Bound<'_, PyAny>) -> PyResult<Box<RawValue>> {
     let py = value.py();
     // Of arrays and scalars of NumPy.
     let to_list = PyCFunction::new_closure(py, None, None, |arguments, _| -> PyResult<Py<PyAny>> {
@@ -54,7 +54,7 @@ fn json_of(key: &str, value: &Bound<'_, PyAny>) -> PyResult<Value> {
         let at = wrong.map_or_else(String::new, |(name, _)| format!("`{name}`: "));
         translated(py, error, |e| refused(format!("{at}{e}")))
     })?;
-    serde_json::from_str(&text).map_err(|e| refused(e.to_string()))
+    RawValue::from_string(text).map_err(|e| refused(e.to_string()))
 }
 
 /// A keyword of [`Autoreset`](smaclite_pool::Autoreset), or Gymnasium's `AutoresetMode` of that value.

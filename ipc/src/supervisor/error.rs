@@ -6,7 +6,8 @@ use crate::name::NameError;
 use crate::os::memory::TooLittleMemory;
 use crate::runtime_dir::{RuntimeDir, RuntimeDirError};
 use crate::services::IpcError;
-use smaclite_pool::{LaneSettingsError, MAX_LAST_ACTIONS, PoolStartError};
+use smaclite_engine::MAX_LAST_ACTIONS;
+use smaclite_pool::{LaneSettingsError, PoolStartError};
 use smaclite_scenarios::Problems;
 
 /// Most threads of a pool.

@@ -106,8 +106,8 @@ pub use sides::{Actor, EnemySide, Sides, SidesError};
 pub use sizes::{EnemySizes, Sizes};
 pub use smaclite_scenarios::{Faction, Rewards};
 pub use snapshot::{
-    COLUMN_COUNT, COLUMNS, Column, ColumnAxis, ColumnSpec, ColumnType, RECORD_VERSION, RecordLayout,
-    RecordSizes, Snapshot, SnapshotError,
+    COLUMN_COUNT, COLUMNS, Column, ColumnAxis, ColumnSpec, ColumnType, MAX_LAST_ACTIONS, RECORD_VERSION,
+    RecordLayout, RecordSizes, Snapshot, SnapshotError,
 };
 pub use step::{ExecutionOrder, Step, Tick};
 pub use units::Units;

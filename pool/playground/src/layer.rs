@@ -2,7 +2,7 @@
 
 use safetensors::{Dtype, SafeTensors};
 use serde::Deserialize;
-use smaclite_engine::{NotUniversal, RowMap};
+use smaclite_engine::{MAX_LAST_ACTIONS, NotUniversal, RowMap};
 
 /// The non-linearity of hidden layers.
 #[derive(Clone, Copy, Debug, Default, Deserialize)]
@@ -69,6 +69,8 @@ pub(crate) enum WeightsError {
     Shape { name: String, expected: Vec<usize>, dtype: Dtype, given: Vec<usize> },
     #[error("a network over units has two widths, got {0:?}")]
     Widths(Vec<usize>),
+    #[error("`last_actions` must be between 0 and {MAX_LAST_ACTIONS}, got {0}")]
+    LastActions(usize),
     #[error("observations have no units, but the network is one over units")]
     NoUnits,
     #[error("{0}")]

@@ -12,7 +12,8 @@ use rand_pcg::Pcg64Mcg;
 use safetensors::{SafeTensorError, SafeTensors};
 use serde::de::Error;
 use smaclite_engine::{
-    Arena, Battle, Scratch, Sides, Sizes, TargetLayout, UnitLayout, UniversalForm, UniversalRows, action,
+    Arena, Battle, MAX_LAST_ACTIONS, Scratch, Sides, Sizes, TargetLayout, UnitLayout, UniversalForm,
+    UniversalRows, action,
 };
 use smaclite_scenarios::{Faction, Problems, Scenario};
 use std::rc::Rc;
@@ -197,6 +198,9 @@ impl TeamOnScenario {
         arena: &Arena,
     ) -> Result<TeamOnScenario, WeightsError> {
         let RunConfig { network, ref hidden, activation, last_actions } = *config;
+        if last_actions > MAX_LAST_ACTIONS {
+            return Err(WeightsError::LastActions(last_actions)); // before memory for so many is asked for
+        }
         let sizes = with_history(arena.sizes(), last_actions);
         let over_units = |rows: Option<&UniversalRows>| {
             let layout = UnitLayout::of_obs(scenario, sizes.obs_size);

@@ -1,6 +1,7 @@
 //! Custom scenario files: what is accepted, where unit files are found, and the message for everything
 //! refused.
 
+use serde_json::value::RawValue;
 use smaclite_scenarios::{Faction, Problems, Rewards, Scenario, ScenarioFiles, UnitFile};
 use std::path::Path;
 
@@ -164,6 +165,10 @@ fn what_is_probably_a_mistake_is_a_warning() {
     let harmless = "`groups` have no agent that attacks, so no battle can be won";
     let flying = groups(r#""x":9,"y":30 "MEDIVAC":1"#, r#""x":23,"y":30 "MEDIVAC":1"#);
     check(&[("groups", &flying), one], &[harmless]);
+    check(&[("groups", &flying), one, drawn], &[harmless]);
+    let healers = ("teams", r#"{"distribution": "fixed", "teams": [["MARINE"], ["MEDIVAC"]]}"#);
+    let alone = "`teams.teams[1]` has no type that attacks, so none of its battles can be won";
+    check(&[("groups", ""), one, healers, drawn], &[alone]);
 
     let rows = ["______", "______", "______", "XXXXXX", "______", "______"];
     let sides = |rows: &[&str]| {
@@ -193,7 +198,9 @@ fn what_is_probably_a_mistake_is_a_warning() {
     // Where starts are drawn, the units of the scenario have another order than those of the file.
     let other_order = groups(r#""x":9,"y":16 "ZEALOT":1,"MARINE":1"#, r#""x":23,"y":16 "MEDIVAC":1"#);
     let starts = ("start_positions", r#"{"distribution": "surrounded"}"#);
-    check(&[("num_allied_units", "2"), ("groups", &other_order), starts, one], &[no_target]);
+    let drawn = [("num_allied_units", "2"), ("groups", &other_order), starts, one];
+    check(&drawn, &[no_target]);
+    check(&[&drawn[..], &[("attack_point", "")]].concat(), &[no_target]); // drawn positions need none
 }
 
 #[test]
@@ -209,9 +216,75 @@ fn an_invalid_scenario_has_problems_and_no_warnings() {
 fn changed_keys_leave_everything_else_as_it_is() {
     for name in Scenario::standard_names().chain(Scenario::generated_names()) {
         let (scenario, files) = ScenarioFiles::resolve(name).unwrap();
-        let changed = files.with_keys([("episode_limit".to_owned(), 7.into())]).scenario().unwrap();
+        let changed = files.with_keys([("episode_limit".to_owned(), 7)]).scenario().unwrap();
         assert_eq!(changed, Scenario { episode_limit: Some(7), ..scenario }, "{name}");
     }
+}
+
+/// Groups given to `make` were sorted by name, too: their units had other ids than those of the same groups
+/// in a file.
+#[test]
+fn a_changed_key_says_what_it_says_in_a_file() {
+    let groups = r#"[
+        { "x": 9, "y": 9, "faction": "ALLY", "units": { "ZEALOT": 2, "STALKER": 1 } },
+        { "x": 20, "y": 9, "faction": "ENEMY", "units": { "ZEALOT": 1 } }
+    ]"#;
+    let changes = [("groups", groups), ("num_allied_units", "3"), ("num_enemy_units", "1")];
+    let in_file = texts(&changes, Vec::new()).scenario().unwrap();
+    let given = changes.map(|(key, value)| (key.to_owned(), RawValue::from_string(value.into()).unwrap()));
+    assert_eq!(texts(&[], Vec::new()).with_keys(given).scenario().unwrap(), in_file);
+    assert_eq!(in_file.unit_types[in_file.units[0].unit_type].name, "ZEALOT");
+}
+
+/// Changed keys of a file that begins with a byte order mark had no effect.
+#[test]
+fn keys_of_a_file_with_a_byte_order_mark_change() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("marked.json");
+    std::fs::write(&path, format!("\u{feff}{}", file(&[]))).unwrap();
+    let (_, read) = ScenarioFiles::load(&path).unwrap();
+    let marked = ScenarioFiles { text: format!("\u{feff}{}", file(&[])), ..texts(&[], Vec::new()) };
+    for files in [read, marked] {
+        let changed = files.with_keys([("episode_limit".to_owned(), 7)]).scenario().unwrap();
+        assert_eq!(changed.episode_limit, Some(7));
+    }
+}
+
+/// What knows types by their names took one for the other.
+#[test]
+fn two_unit_types_of_one_name_are_refused() {
+    let scout = |key: &str| UnitFile {
+        name: key.rsplit('/').next().expect("a name").into(),
+        keys: vec![key.into()],
+        text: unit_files::SCOUT.into(),
+    };
+    let message = |[one, other]: [&str; 2]| {
+        let units = format!(r#"{{ "{one}": 1, "{other}": 1 }}"#);
+        let groups = format!(
+            r#"[{{ "x": 9, "y": 9, "faction": "ALLY", "units": {units} }},
+                {{ "x": 20, "y": 9, "faction": "ENEMY", "units": {{ "ZEALOT": 1 }} }}]"#
+        );
+        let changes = [("groups", groups.as_str()), ("num_allied_units", "2"), ("num_enemy_units", "1")];
+        texts(&changes, [one, other].map(scout).into()).scenario().map_or_else(all, |_| String::new())
+    };
+    for (keys, what) in [
+        (
+            ["a/scout", "b/scout"],
+            "b/scout` refers to scout.json, but scout.json is another type of the name scout",
+        ),
+        (
+            ["MARINE", "a/MARINE"],
+            "a/MARINE` refers to MARINE.json, but MARINE is another type of the name MARINE",
+        ),
+        (
+            ["a/MARINE", "MARINE"],
+            "MARINE` refers to MARINE, but MARINE.json is another type of the name MARINE",
+        ),
+    ] {
+        let expected = format!("`groups[0].units.{what} in this scenario; rename a unit file");
+        assert_eq!(message(keys), expected);
+    }
+    assert_eq!(message(["MARINE", "a/scout"]), "");
 }
 
 /// Only `teams` replaced `groups`: a map could be given only beside `terrain_preset=null`.
@@ -266,6 +339,13 @@ fn reward_options_are_read_and_added_to_those_of_the_file() {
     ] {
         let message = message(rewards);
         assert!(message.contains(expected), "{message}");
+    }
+    // Of two values of an option given together the second counted, which is an error in a file.
+    let twice = RawValue::from_string(r#"{ "reward_win": 1, "reward_win": 2 }"#.into()).unwrap();
+    for files in [&files, &once] {
+        let twice = files.with_keys([("rewards".to_owned(), &twice)]);
+        let message = twice.scenario().unwrap_err().to_string();
+        assert!(message.contains("key `reward_win` is duplicate"), "{message}");
     }
     let both = files.with_keys(["rewards", "smacv2"].map(|key| (key.to_owned(), serde_json::json!({}))));
     let message = both.scenario().unwrap_err().to_string();

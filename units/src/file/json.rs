@@ -49,14 +49,22 @@ impl fmt::Display for Value {
         match self {
             Value::Null => f.write_str("null"),
             Value::Bool(value) => write!(f, "{value}"),
-            // Debug, since Display would write 1e300 with all of its zeros.
-            Value::Number(value) if value.abs() >= 1e15 => write!(f, "{value:?}"),
+            // Debug, since Display would write 1e300 and 1e-300 with all of their zeros.
+            Value::Number(value) if *value != 0.0 && !(1e-6..1e15).contains(&value.abs()) => {
+                write!(f, "{value:?}")
+            }
             Value::Number(value) => write!(f, "{value}"),
             Value::String(value) => write!(f, "\"{}\"", shortened(value)),
             Value::Array(items) => write!(f, "a list of length {}", items.len()),
             Value::Object(entries) => write!(f, "an object of size {}", entries.len()),
         }
     }
+}
+
+/// A text without the byte order mark with which some editors on Windows start a file, and which no editor
+/// counts as a column.
+pub fn without_mark(text: &str) -> &str {
+    text.strip_prefix('\u{feff}').unwrap_or(text)
 }
 
 /// The text of a file and what problems call the file.
@@ -70,8 +78,7 @@ pub(super) struct Source<'a> {
 impl<'a> Source<'a> {
     pub(super) fn new(text: &'a str, file: &'a str, report: &'a Report) -> Source<'a> {
         report.note_file(file);
-        // Some editors on Windows start a file with a byte order mark; no editor counts it as a column.
-        Source { file, text: text.strip_prefix('\u{feff}').unwrap_or(text), report }
+        Source { file, text: without_mark(text), report }
     }
 
     /// Reads the whole text. A duplicate key is a problem, and its first value counts.

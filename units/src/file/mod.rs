@@ -16,6 +16,7 @@ mod syntax;
 mod write;
 
 pub use hint::{did_you_mean, or_did_you_mean};
+pub use json::without_mark;
 pub use key::{
     AnyKey, Flag, Key, Kind, Presence, Range, SCHEMA_DIALECT, SCHEMA_KEY, Schema, Shape, Text, Whole, Word,
     Words, object_schema,
@@ -36,7 +37,7 @@ pub const MAX_SCENARIO_BYTES: u64 = 8 << 20;
 /// The largest unit file, in bytes. A scenario may name a thousand of them.
 pub const MAX_UNIT_BYTES: u64 = 64 << 10;
 
-/// The text of a file of at most `max_bytes`. Every file is read by this function.
+/// The text of a file of at most `max_bytes`, without a byte order mark. Every file is read by this function.
 ///
 /// # Errors
 /// [`Reported`] if it is no regular file, too large, not UTF-8, or cannot be opened.
@@ -54,8 +55,10 @@ pub fn read_text(path: &Path, max_bytes: u64, report: &Report) -> Result<String,
         let too_large = || format!("it is larger than {} KiB", max_bytes >> 10);
         return Err(unreadable(other_kind(path).unwrap_or_else(too_large)));
     }
-    String::from_utf8(bytes)
-        .map_err(|_| unreadable(other_kind(path).unwrap_or_else(|| "it is not UTF-8 text".into())))
+    let not_text = |_| unreadable(other_kind(path).unwrap_or_else(|| "it is not UTF-8 text".into()));
+    let text = String::from_utf8(bytes).map_err(not_text)?;
+    let n_marked = text.len() - without_mark(&text).len();
+    Ok(if n_marked > 0 { text[n_marked..].to_owned() } else { text })
 }
 
 /// What a file is that is not text. Files that this project writes are known by their names.

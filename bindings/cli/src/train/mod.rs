@@ -12,13 +12,12 @@ use crate::opponent::{OpponentOption, SelfPlayOptions, warn_of_other_rules};
 use crate::process::interrupt_flag_once;
 use clap::Args;
 use maps::name_of;
-use smaclite_engine::{BattleSetup, Rules};
+use smaclite_engine::{BattleSetup, MAX_LAST_ACTIONS, Rules};
 use smaclite_ipc::{RuntimeDir, WaitOptions, lane_scenario, status};
 use smaclite_learn::{
     Activation, Algorithm, Config, Enemies, Lanes, NetworkKind, Run, RunDescription, Seeds, refuse_both,
     resolve_scenario,
 };
-use smaclite_pool::MAX_LAST_ACTIONS;
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::Ordering;
@@ -339,8 +338,8 @@ impl Train {
         if of_pool.sides.are_both() {
             return Err(format!(
                 "learners or a trained team play the enemies in pool `{pool}`, but `train --pool` trains \
-                 agents whose enemies are played by scripts; serve it without --sides both and without a \
-                 team, or train with --opponent self or the team, and without --pool"
+                 agents whose enemies are played by scripts; serve it without `--sides both` and without \
+                 a team, or train with --opponent self or the team, and without --pool"
             )
             .into());
         }

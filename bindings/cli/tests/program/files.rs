@@ -1,6 +1,7 @@
-//! Scenario and unit files by the program: new, check, schema.
+//! Scenario and unit files by the program: new, check, schema, serve.
 
 use crate::kit::{check_error, error, output, run};
+use crate::page_kit::Place;
 use serde_json::{Value, json};
 use smaclite_scenarios::{Scenario, Terrain};
 use std::fs;
@@ -233,4 +234,16 @@ fn schemas_are_printed() {
             serde_json::from_str(&output(folder.path(), &format!("schema {kind}"))).expect("JSON");
         assert_eq!(schema["title"], title);
     }
+}
+
+/// `lr=0.1/s.json` was a lane `lr` of the scenario `0.1/s.json`.
+#[test]
+fn paths_with_the_signs_of_lanes_are_served() {
+    let place = Place::new();
+    fs::create_dir(place.root().join("lr=0.1")).expect("a folder");
+    place.output("new scenario lr=0.1/s.json");
+    fs::copy(place.root().join("lr=0.1/s.json"), place.root().join("a:b.json")).expect("a copy");
+    let _pool = place.serve("lr=0.1/s.json:4 second=a:b.json third=lr=0.1/s.json:2 --name paths");
+    let listed = String::from_utf8_lossy(&place.output("list --json").stdout).into_owned();
+    assert!(["\"second\"", "\"third\""].iter().all(|lane| listed.contains(lane)), "{listed}");
 }

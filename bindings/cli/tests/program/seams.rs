@@ -404,7 +404,7 @@ fn a_run_with_snapshots_is_resumed_on_a_pool_without_them() {
     output(folder, &format!("train 3m --steps 256 --last-actions 2 --out other {SMALL}"));
     let message = error(folder, "train --resume other --steps 512 --pool bare --threads 1", 1);
     assert!(
-        message.contains("serve it with --obs-last-actions 2") && !message.contains(warning),
+        message.contains("serve it with `--obs-last-actions 2`") && !message.contains(warning),
         "{message}"
     );
 }

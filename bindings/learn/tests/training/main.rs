@@ -243,7 +243,7 @@ fn lanes_that_a_team_cannot_play_on_are_refused() {
         lane.settings.fields = FieldSet::from_names(["obs", "avail_actions"]).unwrap();
     };
     check("3m", &without_state, "does not serve the field `state`");
-    check("3m", &|lane| lane.settings.obs_agent_id = true, "serve it without --obs-agent-id");
+    check("3m", &|lane| lane.settings.obs_agent_id = true, "serve it without `--obs-agent-id`");
 }
 
 /// Two processes that write one folder would mix their logs and checkpoints. Locks are of open files, so two

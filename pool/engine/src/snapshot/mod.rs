@@ -10,7 +10,7 @@ mod record;
 mod write;
 
 pub use columns::{COLUMN_COUNT, COLUMNS, Column, ColumnAxis, ColumnSpec, ColumnType};
-pub use record::{RECORD_VERSION, RecordLayout, RecordSizes};
+pub use record::{MAX_LAST_ACTIONS, RECORD_VERSION, RecordLayout, RecordSizes};
 
 use crate::arena::Arena;
 use crate::battle::begin_march;

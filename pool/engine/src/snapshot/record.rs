@@ -20,6 +20,9 @@ pub(super) const MAGIC: u32 = u32::from_le_bytes(*b"SMSN");
 // Columns are copied as the processor has them.
 const _: () = assert!(cfg!(target_endian = "little"), "records are little-endian");
 
+/// The most own actions that an observation can have.
+pub const MAX_LAST_ACTIONS: usize = 16;
+
 /// The sizes that the places of the columns follow from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct RecordSizes {
