@@ -75,6 +75,7 @@ class ScriptedBattle:
         self.obs_size, self.state_size = 7, 5
         self.cap_size = len({"attack", "health"} & set(options)) + scenario["num_unit_types"]
         self.steps = self.n_looks = 0
+        self.is_lost = False
         self.ends: dict[int, dict[str, Any]] = {}
         """By step, what its `info` has; `over` says that the battle is over."""
         self.actions: list[list[int]] = []

@@ -239,6 +239,27 @@ def test_a_function_plays_as_the_same_policy_does(autoreset: Any) -> None:
         assert len(sp.evaluate(envs, sp.extras.PerAgent(envs, lowest), 12, seed=5)) == 12
 
 
+def test_a_function_plays_the_enemies_only_where_it_sees_them_as_they_are() -> None:
+    """Zealots that played the enemies of 3s_vs_3z were told that they and their enemies were other units."""
+    seen = set()
+
+    def stop(view: sp.extras.AgentView) -> str:
+        seen.add((view.unit_type, *(unit.unit_type for unit in view.enemies)))
+        return "stop"
+
+    for scenario in ("3s_vs_3z", "2s_vs_1sc"):
+        with sp.make(scenario, 2, sides="both", episode_limit=30) as envs:
+            with pytest.raises(sp.errors.InvalidRequest, match="against is a PerAgent.*STALKER.*enemies"):
+                sp.evaluate(envs, "nearest", 2, seed=1, against=sp.extras.PerAgent(envs, stop))
+    assert not seen
+    with sp.make("3m", 2, sides="both", episode_limit=30) as envs:
+        policy = sp.extras.PerAgent(envs, stop)
+        assert len(sp.evaluate(envs, "nearest", 2, seed=1, against=policy)) == 2
+        with sp.make("2s3z", 2) as others, pytest.raises(sp.errors.InvalidRequest, match="shape"):
+            policy(others.reset())
+    assert {name for names in seen for name in names} == {"MARINE"}
+
+
 def test_a_function_is_evaluated_in_one_call(tmp_path: Path) -> None:
     result = sp.extras.evaluate_function("3m", nearest, episodes=20, opponent="random")
     assert len(result) == 20 and result.win_rate >= 0.9

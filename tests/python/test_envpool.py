@@ -42,6 +42,27 @@ def test_synchronous_stepping_is_that_of_the_pool() -> None:
             assert info["env_id"].dtype == np.int32
 
 
+def test_results_come_in_the_order_of_the_actions() -> None:
+    """They came in the order of the environments, so that a learner took rows of others for its own."""
+    ids = np.array([2, 0, 1])
+    with envpool.make("2s3z", num_envs=3, seed=3) as envs, envpool.make("2s3z", num_envs=3, seed=3) as other:
+        obs, _ = envs.reset()
+        other.reset()
+        for copy in (True, False):
+            envs._copy = copy
+            actions = first_available(obs)
+            there = envs.step(actions[ids], ids)
+            here = other.step(actions)
+            for key, found in there[0].items():
+                np.testing.assert_array_equal(found, here[0][key][ids])
+            for found, expected in zip(there[1:4], here[1:4], strict=True):
+                np.testing.assert_array_equal(found, expected[ids])
+            assert there[4]["env_id"].tolist() == ids.tolist()
+            obs = here[0]
+        assert envs.reset()[1]["env_id"].tolist() == [0, 1, 2]
+        assert envs.step(first_available(envs.reset()[0]))[4]["env_id"].tolist() == [0, 1, 2]
+
+
 def test_asynchronous_stepping_serves_all_environments() -> None:
     with envpool.make_gymnasium("2s3z", num_envs=6, batch_size=2, num_threads=2) as envs:
         assert envs.is_async

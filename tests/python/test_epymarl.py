@@ -250,6 +250,9 @@ def test_only_last_actions_are_left_out(
 def test_an_attached_pool_plays_the_same(serve: Serve) -> None:
     serve("3s_vs_5z:3", "--batch-size", "1", "--autoreset-mode", "Disabled", "--name", "train")
     serve("3s_vs_5z:3", "--name", "other")
+    fitting = ["3s_vs_5z:3", "--batch-size", "1", "--autoreset-mode", "Disabled"]
+    serve(*fitting, "--name", "both", "--sides", "both")
+    serve(*fitting, "--name", "few", "--fields", "obs,state,avail_actions")
     embedded, _, _ = begun(3)
     attached, _, _ = begun(3, map_name=None, pool="train")
     assert torch.equal(embedded.run()["state"], attached.run()["state"])
@@ -257,6 +260,8 @@ def test_an_attached_pool_plays_the_same(serve: Serve) -> None:
     attached.close_env()
     for options, match in (
         ({"pool": "other"}, "--batch-size 1 --autoreset-mode Disabled"),
+        ({"pool": "both", "map_name": None}, "sides must be 'allies'"),
+        ({"pool": "few", "map_name": None}, "needs `battle_won`"),
         ({"pool": "train", "map_name": "MMM2"}, "serve MMM2:3 --episode-limit 180 --batch-size 1"),
         ({"pool": "train", "time_limit": 150, "episode_limit": 20}, "the same limit"),
         ({"pool": "train", "time_limit": 20}, "serve 3s_vs_5z:3 --episode-limit 20"),

@@ -316,6 +316,20 @@ def test_save_and_restore_through_what_gymnasium_makes() -> None:
     other.close()
 
 
+def test_a_restored_battle_ended_as_it_did() -> None:
+    """With SMACv2's published code, which terminates at the limit, restored battles were truncated there."""
+    for published in (False, True):
+        env = BattleEnv("protoss_5_vs_5", episode_limit=2, seed=1, smacv2={"published": published})
+        env.reset()
+        stop = [1] * 5
+        env.step(stop)
+        *_, terminated, truncated, _ = env.step(stop)
+        assert (terminated, truncated) == (published, not published)
+        env.restore(env.save())
+        assert (env._battle.last.terminated, env._battle.last.truncated) == (terminated, truncated)
+        env.close()
+
+
 def test_an_environment_is_copied_by_its_arguments_before_its_first_reset() -> None:
     env = BattleEnv("3m", seed=3, episode_limit=7)
     copies = [copy.deepcopy(env), pickle.loads(pickle.dumps(env))]
@@ -368,3 +382,11 @@ def test_a_seed_of_numpy_is_a_seed() -> None:
         envs.reset(seed=4, options={"reset_mask": np.array([True, True, True])})
         np.testing.assert_array_equal(one, envs.save())
         envs.reset(seed=seed, options={"snapshot": one})
+
+
+def test_masks_are_flat_for_maskable_ppo() -> None:
+    env: Any = gymnasium.make("smaclite_pool/3m-v0")
+    observation, _ = env.reset(seed=1)
+    masks = env.get_wrapper_attr("action_masks")()
+    assert masks.dtype == np.bool_ and np.array_equal(masks, observation["action_mask"].reshape(-1))
+    env.close()

@@ -27,6 +27,15 @@ def test_every_field_is_read_in_place_and_without_a_warning() -> None:
         assert list(arrays(batch, ["obs"])) == ["obs"]
 
 
+def test_an_array_over_memory_that_can_change_is_a_copy() -> None:
+    """A wrapper that used its own array again changed arrays of JAX."""
+    with sp.make("2s3z", 8) as envs:
+        own = np.zeros((8, 80), np.float32)
+        seen = array(envs.reset(seed=1).replace(state=own).state)
+        own[...] = 7
+        assert not np.asarray(seen).any()
+
+
 def test_donated_memory_is_not_written() -> None:
     with sp.make("2s3z", 8) as envs:
         batch = envs.reset(seed=1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import dataclasses
 import importlib.util
 import inspect
 import json
@@ -152,6 +153,46 @@ def test_errors_of_an_evaluation() -> None:
         sp.evaluate(envs, lambda batch: np.full((len(batch), 3), NO_OP), 1)
 
 
+def stop_or_no_op(batch: Any) -> Any:
+    return np.where(batch.avail_actions[..., STOP], STOP, NO_OP)
+
+
+@pytest.mark.parametrize("published", [False, True])
+def test_nobody_loses_at_the_limit(published: bool) -> None:
+    """SMACv2's published code terminates episodes at their limit, which counted as defeats."""
+    with sp.make("protoss_5_vs_5", 8, episode_limit=5, smacv2={"published": published}) as envs:
+        result = sp.evaluate(envs, stop_or_no_op, 16, seed=1)
+        assert (result.win_rate, result.loss_rate, result.draw_rate) == (0, 0, 1)
+    with sp.make("protoss_5_vs_5", 8, smacv2={"published": published}) as envs:
+        assert sp.evaluate(envs, stop_or_no_op, 16, seed=1).loss_rate == 1
+
+
+def test_the_agents_lose_with_the_last_enemies_where_units_can_be_healers() -> None:
+    """Such episodes counted as draws, and their rewards were those of a defeat."""
+    banelings = {"distribution": "fixed", "teams": [["BANELING", "BANELING"], ["BANELING", "MEDIVAC"]]}
+    starts = {"distribution": "uniform", "allies": [15, 15, 16, 16], "enemies": [17, 15, 18, 16]}
+    keys: dict[str, Any] = {
+        "num_allied_units": 2,
+        "num_enemy_units": 2,
+        "teams": banelings,
+        "start_positions": starts,
+        "num_unit_types": 2,
+        "unit_type_ids": {"BANELING": 0, "MEDIVAC": 1},
+    }
+    ended: set[tuple[bool, float]] = set()
+
+    def attack(batch: Any) -> Any:
+        for slot in np.flatnonzero(batch.terminated & (batch.dead_allies == 2) & (batch.dead_enemies == 2)):
+            ended.add((bool(batch.battle_won[slot]), round(float(batch.reward[slot]), 2)))
+        mask = batch.avail_actions
+        return mask.shape[-1] - 1 - mask[..., ::-1].argmax(-1)
+
+    with sp.make("terran_5_vs_5", 8, smacv2={}, rewards={"reward_sparse": True}, **keys) as envs:
+        result = sp.evaluate(envs, attack, 80, seed=1)
+    assert ended and all(not won and reward < 0 for won, reward in ended)
+    assert result.draw_rate == 0
+
+
 class Doubled(sp.extras.Wrapper):
     """Doubles rewards, and counts batches."""
 
@@ -168,6 +209,28 @@ class NorthIsStop(sp.extras.Wrapper):
     def change_actions(self, actions: ArrayLike) -> ArrayLike:
         actions = np.asarray(actions)
         return np.where(actions == NORTH, STOP, actions)
+
+
+class Fewer(sp.extras.Wrapper):
+    """Observations are other numbers, and fewer."""
+
+    def change_spec(self, spec: sp.extras.LaneSpec) -> sp.extras.LaneSpec:
+        dtype, (m, n_agents, _) = spec.fields["obs"]
+        fields = {**spec.fields, "obs": (dtype, (m, n_agents, 5))}
+        return dataclasses.replace(spec, obs_size=5, fields=fields)
+
+    def change_batch(self, batch: sp.Batch) -> sp.Batch:
+        return batch.replace(obs=100 * batch.obs[..., :5])
+
+
+def test_what_a_wrapper_makes_has_no_bounds() -> None:
+    """Spaces were made from the layout of the environments below it, which failed or was false."""
+    gymnasium = pytest.importorskip("smaclite_pool.integrations.gymnasium")
+    envs = gymnasium.BattleVectorEnv(Fewer(sp.make("3m", 2)))
+    obs, _ = envs.reset(seed=1)
+    assert envs.observation_space["obs"].shape == (2, 3, 5) and obs["obs"].max() > 1
+    assert envs.observation_space["obs"].contains(obs["obs"])
+    envs.close()
 
 
 def played(envs: sp.Envs | sp.extras.Wrapper, policy: Any) -> list[dict[str, NDArray[Any]]]:

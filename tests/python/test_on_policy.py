@@ -105,3 +105,15 @@ def test_attaches_to_a_pool_that_resets_in_the_same_step(serve: Serve) -> None:
         ShareVecEnv.connect("other")
     attached.close()
     embedded.close()
+
+
+@pytest.mark.parametrize(
+    ("options", "match"),
+    [(["--sides", "both"], "sides"), (["--fields", "obs,state"], "`avail_actions`, `alive`")],
+)
+def test_a_pool_that_cannot_be_played_is_refused(serve: Serve, options: list[str], match: str) -> None:
+    """It was attached to, and the first step or reset failed."""
+    serve("2s3z:2", "--autoreset-mode", "SameStep", "--name", "train", *options)
+    for _ in range(2):  # the lane is free again
+        with pytest.raises(sp.errors.InvalidRequest, match=match):
+            ShareVecEnv.connect("train", timeout=10)

@@ -231,6 +231,10 @@ def test_started_again_it_is_the_same_fleet(fleet: Fleet) -> None:
 def test_nodes_can_join_and_leave(cluster: Cluster, fleet: Fleet) -> None:
     before = {node: running.pid for node, running in fleet.running().items()}
     joined = cluster.add_node(num_cpus=1, object_store_memory=100 << 20)
+    # Of this node alone: it got the seeds of another one.
+    alone = start("2s3z", 4, lanes=2, threads=1, seed=100, nodes=[joined.node_id])
+    [only] = alone.running().values()
+    assert sorted(only.seeds.values()) == [116, 120]
     wider = start("2s3z", 4, lanes=2, threads=1, seed=100)
     running = wider.running()
     [new] = set(running) - set(before)

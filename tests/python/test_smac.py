@@ -422,6 +422,12 @@ def test_the_heuristic_uses_available_actions_and_writes_them_back(scenario: str
     assert attacks > 0 and info["dead_allies"] + info["dead_enemies"] > 0
     assert info["battle_won"] == (scenario == "3m")
     assert env.battles_won == env.get_stats()["win_rate"] == info["battle_won"]
+    # on-policy and PARL read these.
+    assert env.win_counted == info["battle_won"]
+    assert env.defeat_counted == (info["dead_allies"] == env.n_agents and not env.win_counted)
+    assert env._episode_steps == env._total_steps > 1 and env._episode_count == 1
+    env.reset()
+    assert not env.win_counted and not env.defeat_counted and env._episode_steps == 0 < env._total_steps
     env.close()
 
 

@@ -152,6 +152,7 @@ def test_time_outs_and_statistics() -> None:
         env.reset()
         _, ended, info = env.step(idle(env))
         assert ended and info.get("episode_limit") == (True if continuing else None)
+        assert (env.env.win_counted, env.env.defeat_counted, env.env._episode_steps) == (False, False, 1)
         assert env.env.timeouts == 1
         assert env.get_stats() == {
             "battles_won": 1, "battles_game": 2, "battles_draw": 1, "win_rate": 0.5, "timeouts": 1,

@@ -157,6 +157,10 @@ def test_errors_of_the_program_are_raised(tmp_path: Path, folder: Path) -> None:
         sp.train("3m", tmp_path / "c", hidden=[1, "x"])
     with pytest.raises(sp.errors.InvalidRequest, match="`league_size` need `opponent` league"):
         sp.train("3m", tmp_path / "d", league_every=5)
+    # Keywords stood in the middle of commands.
+    with pytest.raises(sp.errors.InvalidRequest) as raised:
+        sp.train("3m", tmp_path / "e", pool="nope")
+    assert "`smaclite-pool serve SCENARIO:N --name NAME`" in str(raised.value)
 
 
 @pytest.mark.parametrize("option", ["seeds", "resume", "json"])

@@ -38,6 +38,15 @@ def test_every_field_is_read_in_place_and_without_a_warning(envs: sp.Envs) -> No
     assert list(tensors(batch, ["obs"])) == ["obs"]
 
 
+@pytest.mark.parametrize("change", [lambda obs: obs[:, :, ::-1], lambda obs: obs.astype(">f4")])
+def test_what_torch_cannot_read_in_place_is_copied(envs: sp.Envs, change: Callable[[Any], Any]) -> None:
+    """A wrapper that mirrors observations ended in "Storage size calculation overflowed"."""
+    batch = envs.reset(seed=1)
+    changed = change(batch.obs)
+    there = batch.replace(obs=changed).torch()["obs"]
+    assert np.array_equal(there.numpy(), changed)
+
+
 def test_versions_without_read_only_dlpack(envs: sp.Envs, monkeypatch: pytest.MonkeyPatch) -> None:
     batch = envs.reset(seed=1)
 

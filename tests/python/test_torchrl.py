@@ -75,6 +75,22 @@ def test_the_enemies_are_a_group(scenario: str) -> None:
     env.close()
 
 
+def test_q_learning_knows_the_kind_of_actions(env: PoolEnv) -> None:
+    """TorchRL looks for exact types: "action_space was not specified/not compatible"."""
+    from torchrl.modules import QValueModule
+
+    keys = [("agents", name) for name in ("action", "action_value", "chosen_action_value")]
+    module = QValueModule(spec=env.full_action_spec, action_value_key=keys[1], out_keys=keys)
+    assert module.action_space == "categorical"
+
+
+def test_specifications_can_be_those_of_one_environment(env: PoolEnv) -> None:
+    """ "list index out of range", by an axis that TorchRL took for a value."""
+    assert env.full_observation_spec_unbatched["info", "battle_won"].shape == ()
+    for name in ("action", "done", "observation", "reward"):
+        assert getattr(env, f"full_{name}_spec_unbatched").shape == ()
+
+
 def test_a_rollout_is_the_pools_own_play(env: PoolEnv) -> None:
     """Environments whose episode ends are reset separately."""
     env.set_seed(7)

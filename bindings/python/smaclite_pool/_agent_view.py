@@ -234,6 +234,17 @@ class AgentViews:
         """The same in plain words: `str(views(batch, env, agent))`."""
         return str(self(batch, env, agent))
 
+    def _check_equal_sides(self, who: str) -> None:
+        """Raise InvalidRequest unless both sides have the same types, of which these views speak."""
+        sides = [
+            [None if one is None else one["unit_type"] for one in s] for s in (self.allies, self.enemies)
+        ]
+        if sides[0] != sides[1]:
+            raise InvalidRequest(
+                f"{who} both sides must have the same unit types in the same order, got agents {sides[0]} "
+                f"and enemies {sides[1]}"
+            )
+
     def begins_anew(self, batch: Any) -> NDArray[np.bool_]:
         """bool [M]: whether the episode has ended and what is observed is of the next one."""
         ended: NDArray[np.bool_] = batch.terminated | batch.truncated
@@ -281,6 +292,12 @@ class PerAgent:
 
     def __call__(self, batch: Any) -> NDArray[np.int32]:
         """The actions for a batch, int32 [M, n_agents]."""
+        given, expected = batch.avail_actions.shape[1:], (len(self.views.allies), self.views.n_actions)
+        if given != expected:
+            raise InvalidRequest(
+                f"avail_actions must have the shape [M, {expected[0]}, {expected[1]}] of the "
+                f"environments of this PerAgent, got {list(batch.avail_actions.shape)}"
+            )
         # The dead, for whom no-op alone is available, and environments that are reset next.
         actions: NDArray[np.int32] = batch.avail_actions.argmax(-1).astype(np.int32)
         is_over = (batch.terminated | batch.truncated) & ~self.views.begins_anew(batch)

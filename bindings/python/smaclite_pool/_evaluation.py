@@ -10,7 +10,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._native import Batch, Envs, ScriptedPolicy
+from ._layout import loses_draws, terminates_at_limit, unwrapped
+from ._native import Batch, Envs, ScriptedPolicy, scenario
 from ._requirements import require_environments, require_integer, suggests_keywords
 from ._team import Team
 from ._wrapper import Wrapper
@@ -96,7 +97,8 @@ def evaluate(
 
     Where a policy or a trained team plays the enemies (`against`, `make(opponent="zoo:3m")`), an episode
     whose last units die in the same step is a draw; else the agents have won it, as in SMAClite, or nobody,
-    with SMACv2's interface.
+    with SMACv2's interface. Where units can be healers in that interface, the agents have lost it in either
+    case.
 
     Raises:
         InvalidRequest: `episodes` is below 1, the environments have no autoreset or no episode limit, or
@@ -114,6 +116,7 @@ def evaluate(
     counts = np.zeros(spec.num_envs, np.int64)
     counted: list[tuple[int, int, float, int, bool, bool]] = []
     teams_meet = against is not None or spec.opponent_team is not None
+    has_lost = _defeats(envs)
     batch = envs.reset(seed=seed)
     while True:
         for slot in np.flatnonzero(batch.terminated | batch.truncated):
@@ -122,7 +125,7 @@ def evaluate(
                 dead = (batch.dead_allies[slot], batch.dead_enemies[slot])
                 is_draw = dead == (spec.n_agents, spec.n_enemies)
                 won = bool(batch.battle_won[slot]) and not (is_draw and teams_meet)
-                lost = bool(batch.terminated[slot]) and not won and not is_draw
+                lost = not won and has_lost(batch, slot, is_draw)
                 result = (batch.episode_return[slot], batch.episode_length[slot], won, lost)
                 counted.append((env, int(counts[env]), *result))
             counts[env] += 1
@@ -137,6 +140,21 @@ def evaluate(
         np.array(wins, np.bool_),
         np.array(losses, np.bool_),
     )
+
+
+def _defeats(envs: Envs | Wrapper) -> Callable[[Batch, np.intp, bool], bool]:
+    """A function that says whether the agents lost an episode that ended without their victory."""
+    info, spec = scenario(unwrapped(envs)), envs.spec
+    counts_draws, terminates_late = loses_draws(info), terminates_at_limit(info)
+
+    def has_lost(batch: Batch, slot: np.intp, is_draw: bool) -> bool:
+        is_late = terminates_late and batch.episode_length[slot] == spec.episode_limit
+        # Batches do not tell whether those who live then are healers alone, who have lost.
+        if is_late and batch.dead_allies[slot] < spec.n_agents:
+            return False
+        return bool(batch.terminated[slot]) and (counts_draws or not is_draw)
+
+    return has_lost
 
 
 def _check(envs: Any, policy: Any, episodes: int) -> None:
@@ -187,6 +205,10 @@ def _as_policy(
         raise InvalidRequest(
             f'{name} must be a ScriptedPolicy(..., side="{side}"), got one with side="{policy.side}"'
         )
+    from ._agent_view import PerAgent  # which imports this module
+
+    if isinstance(policy, PerAgent) and side == "enemies":
+        policy.views._check_equal_sides(f"{name} is a PerAgent, which sees the enemies as agents, so")
     # A team of the agents may play the enemies: it sees them as agents.
     if isinstance(policy, Team) and side == "allies" and policy.side != side:
         raise InvalidRequest(f'{name} must be a team of the agents, got one with side="{policy.side}"')

@@ -6,7 +6,7 @@ import json
 import math
 from dataclasses import dataclass
 from os import PathLike
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,9 @@ from numpy.typing import NDArray
 from ._native import Envs, scenario
 from .errors import InvalidRequest
 from .types import LayoutPart, Scenario
+
+if TYPE_CHECKING:
+    from ._wrapper import Wrapper
 
 Floats = NDArray[np.float32]
 Bools = NDArray[np.bool_]
@@ -163,17 +166,33 @@ def _block(name: str, start: int, shape: list[int], features: list[str], **_: li
     return FeatureBlock(start, tuple(shape), features)
 
 
+def loses_draws(info: Scenario) -> bool:
+    """Whether the agents have lost where the last units of both sides die together. SMACv2 looks at them
+    first: where units can be healers, a side without one that fights has lost."""
+    return info["smacv2"] is not None and any(unit_type["healer"] for unit_type in info["unit_types"])
+
+
+def terminates_at_limit(info: Scenario) -> bool:
+    """Whether episodes at their limit have terminated, as in SMACv2's published code."""
+    return info["smacv2"] is not None and bool(info["smacv2"]["published"])
+
+
 Bounds = tuple[Floats, Floats]
 """The least and the greatest values, float32 [size] each."""
 
 
-def field_bounds(envs: Envs) -> dict[str, Bounds]:
+def field_bounds(envs: Envs | Wrapper) -> dict[str, Bounds]:
     """The bounds of each float of `obs`, `state`, `enemy_obs` and `enemy_state`.
 
     Most features are between -1 and 1. Those of SMACv2's interface that can be beyond are the position of an
-    agent on or near the map, distances if all units are shown, and health below a level of health.
+    agent on or near the map, distances if all units are shown, and health below a level of health. What a
+    wrapper that changes batches makes of them has no bounds.
     """
     spec = envs.spec
+    if _changes_batches(envs):
+        sizes = [spec.obs_size, spec.state_size, spec.enemy_obs_size, spec.enemy_state_size]
+        unbounded = [(np.full(n, -np.inf, np.float32), np.full(n, np.inf, np.float32)) for n in sizes]
+        return dict(zip(("obs", "state", "enemy_obs", "enemy_state"), unbounded, strict=True))
     info = scenario(envs)
     state = layout_bounds(info["state_layout"], spec.state_size)
     # Enemies see what agents do without SMACv2: positions alone can be beyond, those of both sides by
@@ -186,6 +205,14 @@ def field_bounds(envs: Envs) -> dict[str, Bounds]:
         "enemy_obs": layout_bounds([], spec.enemy_obs_size),
         "enemy_state": (-of_enemies, of_enemies),
     }
+
+
+def _changes_batches(envs: Envs | Wrapper) -> bool:
+    from ._wrapper import Wrapper  # whose module imports this one
+
+    if not isinstance(envs, Wrapper):
+        return False
+    return type(envs).change_batch is not Wrapper.change_batch or _changes_batches(envs.envs)
 
 
 def layout_bounds(layout: list[LayoutPart], size: int) -> Bounds:

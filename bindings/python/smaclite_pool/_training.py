@@ -158,8 +158,11 @@ def in_python(message: str) -> str:
     used."""
     message = message.removeprefix("smaclite-pool: ").removeprefix("error: ")
     message = re.split(r"\n\n(?:Usage:|For more information)", message)[0]
-    message = re.sub(r"'--([a-z][a-z-]*)(?: <[^>]*>)?'", lambda found: f"`{keyword(found[1])}`", message)
-    message = re.sub(r"(?<![\w`-])--([a-z][a-z-]*)", lambda found: f"`{keyword(found[1])}`", message)
+    option = r"'--([a-z][a-z-]*)(?: <[^>]*>)?'|(?<![\w-])--([a-z][a-z-]*)"
+    # What is between backticks is typed as it is: commands, and options of other commands.
+    parts = message.split("`")
+    parts[::2] = [re.sub(option, lambda at: f"`{keyword(at[1] or at[2])}`", part) for part in parts[::2]]
+    message = "`".join(parts)
     return re.sub(r"\s*\n\s*", "; ", message.strip()).replace("unexpected argument", "unknown keyword")
 
 

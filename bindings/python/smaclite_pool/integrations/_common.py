@@ -13,7 +13,7 @@ from typing import Any, Literal, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from .._layout import Bounds, field_bounds
+from .._layout import Bounds, field_bounds, loses_draws, terminates_at_limit
 from .._native import NO_OP, STOP, Batch, Envs, check_settings, make, scenario, snapshot_columns
 from ..errors import InvalidRequest
 
@@ -138,7 +138,8 @@ class Ends:
         self._spec, info = envs.spec, scenario(envs)
         self._heals = np.array([unit_type["healer"] for unit_type in info["unit_types"]])
         # With SMACv2's interface, healers alone have lost.
-        self._has_fighters = info["smacv2"] is not None and bool(self._heals.any())
+        self._has_fighters = loses_draws(info)
+        self._terminates_late = terminates_at_limit(info)
 
     def __call__(self, batch: Batch) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Whether each battle has terminated and whether it was truncated, bool [M]."""
@@ -147,8 +148,10 @@ class Ends:
         if self._has_fighters:
             lost = [self._has_healers_alone(record) for record in batch.snapshot]
             terminated |= np.array(lost) & (batch.episode_length > 0)
-        limit = np.inf if spec.episode_limit is None else spec.episode_limit
-        return terminated, ~terminated & (batch.episode_length >= limit)
+        is_late = batch.episode_length >= (np.inf if spec.episode_limit is None else spec.episode_limit)
+        if self._terminates_late:
+            return terminated | is_late, np.zeros_like(terminated)
+        return terminated, ~terminated & is_late
 
     def _has_healers_alone(self, record: NDArray[np.uint8]) -> bool:
         columns = snapshot_columns(record)

@@ -15,8 +15,9 @@ An observation is a dict: `obs` float32 [M, n_agents, obs_size], `state` float32
 `action_mask` bool [M, n_agents, n_actions]. Agents are an axis and not players of EnvPool: there is one
 reward per environment, that of the team. With `sides="both"`, the other team is no player either:
 observations have `enemy_obs`, `enemy_state` and `enemy_action_mask`, info has `enemy_reward` and
-`enemy_alive`, and actions are [M, n_agents + n_enemies]. Two differences from EnvPool: `reset` accepts a
-seed, and an unavailable action is an error. This module needs no further package; only the spaces of `spec`
+`enemy_alive`, and actions are [M, n_agents + n_enemies]. Three differences from EnvPool: `reset` accepts a
+seed, an unavailable action is an error, and so are actions for some environments of a synchronous pool,
+which steps all. This module needs no further package; only the spaces of `spec`
 need gymnasium.
 """
 
@@ -101,7 +102,8 @@ class EnvPool:
         envs: a lane, from `smaclite_pool.make` or `smaclite_pool.connect`; closed with this object.
         config: the arguments of `make`; by default num_envs and batch_size.
         copy: True: arrays are copies that you can keep and change. False: they are read-only views of shared
-            memory; at most the lane's `max_held_batches` can be held.
+            memory, unless another order of `env_id` was asked for; at most the lane's `max_held_batches` can
+            be held.
     """
 
     def __init__(self, envs: Envs, config: dict[str, Any] | None = None, *, copy: bool = True) -> None:
@@ -114,6 +116,7 @@ class EnvPool:
         }
         self.num_envs: int = spec.num_envs
         self.all_env_ids: NDArray[np.int32] = np.arange(spec.num_envs, dtype=np.int32)
+        self._slots: NDArray[Any] | None = None  # of the next batch, if another order than its own is wanted
 
     @property
     def spec(self) -> EnvSpec:
@@ -151,15 +154,20 @@ class EnvPool:
     def async_reset(self) -> None:
         """Request a new episode in every environment and return at once; `recv` the first observations."""
         self._envs.async_reset()
+        self._slots = None
 
     def send(self, action: ArrayLike, env_id: ArrayLike | None = None) -> None:
         """Send actions to environments and return at once.
 
         `action`: integers [K, n_agents], with those of the enemies behind them if actions play both sides.
-        `env_id`: integers [K]; None for all environments in order. If an
-        action is not available, nothing is stepped, and the next `recv` raises IllegalAction.
+        `env_id`: integers [K]; None for all environments in order. Synchronous environments are stepped
+        together, K is `num_envs` then, and the next `recv` returns them in this order. If an action is not
+        available, nothing is stepped, and the next `recv` raises IllegalAction.
         """
         self._envs.send(action, env_id)
+        ids = None if self.is_async or env_id is None else np.asarray(env_id)
+        is_in_order = ids is None or ids.dtype == np.bool_ or np.array_equal(ids, self.all_env_ids)
+        self._slots = None if is_in_order else ids
 
     def recv(self, timeout: float | None = None) -> Step:
         """Wait for the next batch: the `batch_size` environments that finish first, see `info["env_id"]`.
@@ -168,9 +176,10 @@ class EnvPool:
         that was sent is not available; nothing was stepped then.
         """
         batch = self._envs.recv(timeout)
-        obs, info = self._decode(batch)
-        terminated, truncated = self._array(batch.terminated), self._array(batch.truncated)
-        return obs, self._array(batch.reward), terminated, truncated, info
+        obs, info = self._decode(batch, self._slots)
+        results = (batch.reward, batch.terminated, batch.truncated)
+        reward, terminated, truncated = (self._array(array, self._slots) for array in results)
+        return obs, reward, terminated, truncated, info
 
     def step(self, action: ArrayLike, env_id: ArrayLike | None = None) -> Step:
         """`send`, then `recv`."""
@@ -200,6 +209,7 @@ class EnvPool:
         if ids is not None and not ids.size:
             raise InvalidRequest("env_id and options['reset_mask'] must choose at least one environment")
         batch = self._envs.reset(seed, env_id=ids)
+        self._slots = None
         return self._decode(batch, None if self.is_async else ids)
 
     def _checked(self, mask: ArrayLike) -> NDArray[np.bool_]:

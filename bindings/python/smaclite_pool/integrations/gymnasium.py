@@ -451,6 +451,14 @@ class BattleEnv(CopiedByArguments, gymnasium.Env[Any, Any]):
         self._show()
         return self._observation(now), self._info(now)
 
+    def action_masks(self) -> NDArray[np.bool_]:
+        """bool [n_agents * n_actions]: the available actions, agent after agent, as `MaskablePPO` of
+        sb3-contrib asks for them.
+
+        Raises InvalidRequest before the first reset.
+        """
+        return self._battle.last.avail_actions.reshape(-1).copy()
+
     def _observation(self, now: TimeStep) -> Any:
         mask = now.avail_actions.astype(np.int8)
         return {"obs": now.obs.copy(), "state": now.state.copy(), "action_mask": mask}

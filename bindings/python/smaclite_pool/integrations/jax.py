@@ -44,8 +44,12 @@ __all__ = ["array", "arrays"]
 def array(field: NDArray[Any]) -> jax.Array:
     """A field of a batch on JAX's CPU device, over the same memory, e.g. `array(batch.obs)`.
 
-    JAX copies arrays that do not begin on a cache line; fields do, slices of them may not.
+    JAX copies arrays that do not begin on a cache line; fields do, slices of them may not. A writable array,
+    such as one of `Batch.replace`, is copied: JAX relies on values that do not change. What a read-only view
+    shows must not change either.
     """
+    if field.flags.writeable:
+        field = field.copy()  # JAX would copy later, when values may have changed
     # Not DLPack: JAX does not support its read-only memory yet.
     return jax.device_put(field, jax.devices("cpu")[0], may_alias=True)
 

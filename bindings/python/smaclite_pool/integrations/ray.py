@@ -40,6 +40,7 @@ array of 450 KB takes milliseconds through Ray, and microseconds in place.
 
 from __future__ import annotations
 
+import itertools
 import secrets
 import subprocess
 import sys
@@ -190,6 +191,10 @@ class Supervisor:
         except PoolError:
             return None
 
+    def first_seed(self) -> int:
+        """The seed of the first environment of the node's pool."""
+        return min(self._seeds.values())
+
     def status(self) -> PoolStatus:
         """The status of the node's pool, as `smaclite_pool.status` returns it."""
         return status(self._pool)
@@ -281,9 +286,9 @@ def start(
         serve: further arguments of `smaclite-pool serve`, such as `("--autoreset-mode", "SameStep")`.
         timeout: seconds to wait for the pools.
 
-    A second call with the same name starts pools on nodes that have joined since, and leaves the others
-    running. Raises InvalidRequest for less than one lane, and StartError with the output of the program; the
-    whole fleet is stopped then.
+    A second call with the same name and arguments starts pools on nodes that have joined since, and leaves
+    the others running. Raises InvalidRequest for less than one lane, and StartError with the output of the
+    program; the whole fleet is stopped then.
     """
     if lanes < 1:
         raise InvalidRequest(f"lanes must be at least 1, got {lanes}")
@@ -291,15 +296,16 @@ def start(
     seed = secrets.randbits(32) if seed is None else seed
     if threads is not None:
         arguments.append(f"--threads={threads}")
-    nodes = list(nodes or sorted(node["NodeID"] for node in ray.nodes() if node["Alive"]))
-    running = {node for node in nodes if _supervisor(name, node) is not None}
-    ranks = iter(range(len(running), len(nodes)))
+    alive = sorted(node["NodeID"] for node in ray.nodes() if node["Alive"])
+    actors = {node: actor for node in alive if (actor := _supervisor(name, node)) is not None}
+    used = set(_get_each({node: actor.first_seed.remote() for node, actor in actors.items()}).values())
+    unused = (first for first in itertools.count(seed, lanes * num_envs) if first not in used)
     fleet = Fleet(name, lanes, {})
     remote: Any = ray.remote  # Ray's type hints lack some options
     actor_class = remote(num_cpus=0, max_restarts=-1, max_task_retries=-1, max_concurrency=16)(Supervisor)
-    for node in nodes:
-        rank = 0 if node in running else next(ranks)
-        seeds = {f"lane-{lane}": seed + (rank * lanes + lane) * num_envs for lane in range(lanes)}
+    for node in nodes or alive:
+        first = seed if node in actors else next(unused)
+        seeds = {f"lane-{lane}": first + lane * num_envs for lane in range(lanes)}
         own = [*arguments, f"--seed={seeds['lane-0']}"]  # `serve` numbers environments through its lanes
         options = {"name": actor_name(name, node), "get_if_exists": True, "scheduling_strategy": on(node)}
         fleet.supervisors[node] = actor_class.options(**options).remote(name, own, seeds)

@@ -80,7 +80,8 @@ class BattleMultiAgentEnv(MultiAgentEnv):
             (1 for the speed of the battle, 0.25 for slow motion, None for no waiting), and `seed`,
             `episode_limit` and other arguments of `smaclite_pool.make`. Each battle of each env runner gets a
             different seed, without one a random seed; a reset with a seed, as RLlib's `debugging(seed=)`
-            makes, replaces it.
+            makes, replaces it. Env runners for evaluation have the same numbers as those for training: give
+            them another seed by `evaluation(evaluation_config={"env_config": {..., "seed": ...}})`.
 
     Raises InvalidRequest, ScenarioError and StartError.
     """

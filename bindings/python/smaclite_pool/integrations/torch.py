@@ -50,7 +50,12 @@ REGISTER_READ_ONLY = 8
 
 
 def tensor(array: NDArray[Any]) -> ReadOnly:
-    """A field of a batch as a tensor over the same memory, e.g. `tensor(batch.obs)`."""
+    """A field of a batch as a tensor over the same memory, e.g. `tensor(batch.obs)`.
+
+    An array that torch cannot read in place, such as one with negative strides of `Batch.replace`, is copied.
+    """
+    if min(array.strides, default=0) < 0 or not array.dtype.isnative:
+        array = array.astype(array.dtype.newbyteorder("="), order="C")
     try:
         plain = dlpack.from_dlpack(array)
     except BufferError:  # versions of NumPy or torch without read-only DLPack; torch warns once per process

@@ -50,6 +50,7 @@ with extra("torchrl"):
     import torch
     from tensordict import TensorDict, TensorDictBase
     from torchrl.data import Binary, Bounded, Categorical, Composite, Unbounded
+    from torchrl.data.utils import ACTION_SPACE_MAP
     from torchrl.envs import EnvBase
 
     from .torch import tensor
@@ -89,6 +90,10 @@ class AvailableActions(Categorical):
         copy = AvailableActions(self.n, self.shape, device, dtype)
         copy.mask = self.mask
         return copy
+
+
+# Q-learning asks for the kind of actions by the exact type.
+ACTION_SPACE_MAP[AvailableActions] = "categorical"
 
 
 class PoolEnv(EnvBase):
@@ -202,7 +207,12 @@ class PoolEnv(EnvBase):
         low, high = (torch.from_numpy(bound).to(device) for bound in bounds)
         shape = torch.Size([*team, *low.shape])
         low, high = low.expand(shape).clone(), high.expand(shape).clone()
-        observation = Bounded(low, high, shape, device=device, dtype=torch.float32)
+        # Numbers between infinite bounds cannot be drawn.
+        observation = (
+            Bounded(low, high, shape, device=device, dtype=torch.float32)
+            if low.isfinite().all()
+            else Unbounded(shape, device=device, dtype=torch.float32)
+        )
         mask = Binary(shape=torch.Size([*team, n_actions]), device=device, dtype=torch.bool)
         action = AvailableActions(n_actions, team, device, torch.int64, mask.one())
         observed = Composite(observation=observation, action_mask=mask, shape=team, device=device)
@@ -214,7 +224,8 @@ class PoolEnv(EnvBase):
 
     def _scalar(self, dtype: torch.dtype, shape: torch.Size) -> Any:
         if dtype is torch.bool:
-            return Binary(shape=shape, device=self.device, dtype=dtype)
+            # TorchRL counts the last axis of a `Binary` as part of the value, which could not be unbatched.
+            return Categorical(2, shape, device=self.device, dtype=dtype)
         return Unbounded(shape, device=self.device, dtype=dtype)
 
     def _reset(self, tensordict: TensorDictBase | None = None, *, seed: int | None = None) -> TensorDictBase:

@@ -46,7 +46,7 @@ from numpy.typing import NDArray
 from .._layout import feature_blocks
 from .._native import REWARD_DEFAULTS, Envs, Recorder, connect, make, scenario
 from ..errors import InvalidRequest
-from ..integrations._common import INFO_FIELDS, OUTCOME_FIELDS
+from ..integrations._common import INFO_FIELDS, OUTCOME_FIELDS, check_one_side, require_fields
 from ._replay import save_replay
 from ._rewards import changed_rewards
 
@@ -340,6 +340,11 @@ def _attached(settings: Mapping[str, Any], num_envs: int) -> Envs:
             f"{wanted or name}:{num_envs}{option} --batch-size 1 --autoreset-mode Disabled "
             f"--name {spec.pool}`, or other values of `map_name`, `batch_size_run` and `time_limit`"
         )
+    try:
+        require_fields(check_one_side(envs), "PoolRunner", _Rows.FIELDS)
+    except InvalidRequest:
+        envs.close()
+        raise
     return envs
 
 

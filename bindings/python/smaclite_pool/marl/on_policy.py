@@ -31,6 +31,7 @@ from numpy.typing import ArrayLike, NDArray
 from .._native import Batch, Envs, connect, make
 from .._requirements import require_synchronous
 from ..errors import InvalidRequest
+from ..integrations._common import check_one_side, require_fields
 
 __all__ = ["Discrete", "ShareVecEnv"]
 
@@ -131,7 +132,8 @@ class ShareVecEnv:
         """
         envs = connect(pool, lane, timeout=timeout)
         try:
-            require_synchronous(envs, f"the learner of pool `{pool}`", "SameStep")
+            require_synchronous(check_one_side(envs), f"the learner of pool `{pool}`", "SameStep")
+            require_fields(envs, cls.__name__, ["obs", "state", "avail_actions", "alive", "battle_won"])
         except InvalidRequest:
             envs.close()
             raise

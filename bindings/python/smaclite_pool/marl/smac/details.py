@@ -30,8 +30,6 @@ _UNAVAILABLE = {
     "previous_enemy_units": "keep `enemies` of the step before",
     "reward_battle": "the pool computes the reward; `step` returns it",
     "only_medivac_left": "`info` and `agents` tell who is alive",
-    "win_counted": "the third result of `step` has `battle_won`",
-    "defeat_counted": "the third result of `step` has `battle_won`",
     "renderer": "`render` draws the battle",
     "last_stats": "`get_stats` has what was counted",
 }

@@ -12,12 +12,13 @@ from typing import Any, Literal, SupportsInt, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ..._layout import Bools, Floats
+from ..._layout import Bools, Floats, loses_draws
 from ..._native import Recorder, scenario
 from ..._render import RENDER_MODES, BattleViewer, check_render_speed
 from ..._requirements import require_integer
 from ...errors import InvalidRequest
 from ...integrations._common import SingleBattle, TimeStep
+from .._counts import EpisodeCounts
 from .._replay import save_replay
 from .._rewards import changed_rewards
 from .details import Details
@@ -40,7 +41,7 @@ _FIXED: dict[str, tuple[tuple[object, ...], str]] = {
 __all__ = ["MultiAgentEnv", "check_fixed", "get_map_params"]
 
 
-class MultiAgentEnv(Queries, Details):
+class MultiAgentEnv(EpisodeCounts, Queries, Details):
     """One battle with SMAC's interface, with all options of SMAC under their names and defaults.
 
     Args:
@@ -193,7 +194,8 @@ class MultiAgentEnv(Queries, Details):
         self._heuristic = Heuristic(self.n_agents)
         self.episode_limit = spec.episode_limit
         self._views.set_limit(self.episode_limit)
-        self.battles_won = self.battles_game = self.timeouts = self.force_restarts = 0
+        EpisodeCounts.__init__(self)
+        self._loses_draws = loses_draws(scenario(self._battle.envs))
         # Zeros until the first reset.
         self._avail: Bools = np.zeros((self.n_agents, self.n_actions), np.bool_)
         no_obs = np.zeros((self.n_agents, spec.obs_size), np.float32)
@@ -207,6 +209,7 @@ class MultiAgentEnv(Queries, Details):
         """
         now = self._battle.reset()
         self._heuristic.reset()
+        self._count_begin()
         self._update(now)
         return self.get_obs(), self.get_state()
 
@@ -221,9 +224,9 @@ class MultiAgentEnv(Queries, Details):
         now = self._battle.step(chosen)
         self._update(now)
         info, won = now.info.copy(), bool(now.info["battle_won"])
-        self.battles_game += now.ended
-        self.battles_won += won
-        self.timeouts += now.truncated
+        is_draw = (info["dead_allies"], info["dead_enemies"]) == (self.n_agents, self.n_enemies)
+        lost = now.terminated and not won and (self._loses_draws or not is_draw)
+        self._count_step(ended=now.ended, won=won, lost=lost, at_limit=now.truncated)
         if now.truncated and self.continuing_episode:
             info["episode_limit"] = True
         if self.debug:
@@ -251,17 +254,6 @@ class MultiAgentEnv(Queries, Details):
     def _update(self, now: TimeStep) -> None:
         self._views.update(now.obs, now.state, now.episode_length)
         self._avail = now.avail_actions
-
-    def get_stats(self) -> dict[str, float]:
-        """Counts of episodes: won, all, and at the limit; `win_rate` is 0 before the first."""
-        return {
-            "battles_won": self.battles_won,
-            "battles_game": self.battles_game,
-            "battles_draw": self.timeouts,
-            "win_rate": self.battles_won / max(self.battles_game, 1),
-            "timeouts": self.timeouts,
-            "restarts": self.force_restarts,
-        }
 
     def seed(self, seed: int | None = None) -> int:
         """Set the seed for the next `reset`, if one is given, and return the last seed."""

@@ -15,6 +15,7 @@ from ..._native import CapabilityBattle
 from ..._render import RENDER_MODES, Window
 from ..._requirements import require_integer
 from ...errors import Closed, InvalidRequest
+from .._counts import EpisodeCounts
 from ..smac.env import check_fixed
 from ..smac.unavailable import Unavailable
 from .base import UnavailableAction
@@ -32,7 +33,7 @@ FIRST_LOOK = 6
 """The action of the first look direction, or of the first target where there are none."""
 
 
-class StarCraft2Env(Queries):
+class StarCraft2Env(EpisodeCounts, Queries):
     """One battle with SMACv2's interface, with all options of SMACv2 under their names and defaults.
 
     Args:
@@ -136,7 +137,7 @@ class StarCraft2Env(Queries):
         self._last_actions: list[int] | None = None
         self._set_constants()
         self._names = FeatureNames(self._scenario, self.n_actions)
-        self.battles_won = self.battles_game = self.timeouts = self.force_restarts = 0
+        EpisodeCounts.__init__(self)
         self._has_begun = self._has_ended = self._has_been_seen = self._is_closed = False
 
     def _set_constants(self) -> None:
@@ -168,6 +169,7 @@ class StarCraft2Env(Queries):
                 raise Unavailable(f"{name} cannot be given: the battle draws it, from its seed")
         self._battle.reset(self._next_seed)
         self._next_seed = self._last_actions = None
+        self._count_begin()
         self._has_begun, self._has_ended, self._has_been_seen = True, False, False
         self._before = self._battle.units()
         return self.get_obs(), self.get_state()
@@ -191,9 +193,9 @@ class StarCraft2Env(Queries):
         info = dict(found)
         at_limit = bool(info.pop("episode_limit", False))
         self._has_ended = is_over or at_limit
-        self.battles_game += self._has_ended
-        self.battles_won += bool(info["battle_won"])
-        self.timeouts += at_limit
+        won = bool(info["battle_won"])
+        lost = self._battle.is_lost
+        self._count_step(ended=self._has_ended, won=won, lost=lost, at_limit=at_limit)
         if at_limit and self.continuing_episode:
             info["episode_limit"] = True
         if self.debug:
@@ -238,17 +240,6 @@ class StarCraft2Env(Queries):
         if seed is not None:
             self._seed = self._next_seed = require_integer("seed", seed, 0)
         return self._seed
-
-    def get_stats(self) -> dict[str, float]:
-        """Counts of episodes: won, all, and at the limit; `win_rate` is 0 before the first."""
-        return {
-            "battles_won": self.battles_won,
-            "battles_game": self.battles_game,
-            "battles_draw": self.timeouts,
-            "win_rate": self.battles_won / max(self.battles_game, 1),
-            "timeouts": self.timeouts,
-            "restarts": self.force_restarts,
-        }
 
     def render(self, mode: str = "human") -> NDArray[np.uint8] | bool:
         """Draw the battle from above, with north at the top.
