@@ -166,8 +166,8 @@ pub fn make(
             scenario = files.scenario().map_err(|e| errors::class::ScenarioError::new_err(e.to_string()))?;
         }
         sides.check(&scenario).map_err(invalid_request)?;
-        let warnings = if files.is_standard() { Vec::new() } else { files.warnings() };
         let setup = BattleSetup { rules, episode_limit, ..BattleSetup::new(files).with_sides(sides) };
+        let warnings = setup.warnings();
         let (setup, team) = match opponents {
             Some(opponents) => opponents.open(setup).map_err(|error| invalid_request(shown(&error)))?,
             None => (setup, None),

@@ -99,7 +99,10 @@ impl ScenarioFiles {
     pub fn with_keys(&self, keys: impl IntoIterator<Item = (String, impl Serialize)>) -> ScenarioFiles {
         // Texts, whose entries keep their order: that of `units` in groups gives units their ids.
         let text_of = |(key, value)| Some((key, to_raw_value(&value).ok()?));
-        let mut keys: Vec<(String, Box<RawValue>)> = keys.into_iter().filter_map(text_of).collect();
+        self.with_texts(keys.into_iter().filter_map(text_of).collect())
+    }
+
+    fn with_texts(&self, mut keys: Vec<(String, Box<RawValue>)>) -> ScenarioFiles {
         let is_null = |value: &RawValue| value.get() == "null";
         let is_given = |key: &str| keys.iter().any(|(given, value)| given == key && !is_null(value));
         let read = entries_of(without_mark(&self.text));

@@ -29,13 +29,20 @@ impl ScenarioFiles {
     /// assert!(files.warnings()[0].message.contains("blocked square"));
     /// ```
     pub fn warnings(&self) -> Vec<Problem> {
-        let Ok(scenario) = self.scenario() else { return Vec::new() };
+        self.scenario().map_or_else(|_| Vec::new(), |scenario| self.warnings_of(&scenario, false))
+    }
+
+    /// The warnings of this scenario as rules play it, with their unit types; and whether units that would
+    /// start on blocked squares start on free ones.
+    pub fn warnings_of(&self, scenario: &Scenario, starts_are_free: bool) -> Vec<Problem> {
         let report = Report::default();
         if let Ok(document) = Document::parse(&self.text, &self.source, &report) {
             for (key, node) in document.root().entries().unwrap_or_default() {
                 match key {
-                    _ if key == keys::GROUPS.name => warn(&scenario, &self.units_of_groups(&scenario), &node),
-                    _ if key == keys::TEAMS.name => warn_of_teams(&scenario, &node),
+                    _ if key == keys::GROUPS.name => {
+                        warn(scenario, &self.units_of_groups(scenario), &node, starts_are_free);
+                    }
+                    _ if key == keys::TEAMS.name => warn_of_teams(scenario, &node),
                     _ => {}
                 }
             }
@@ -60,7 +67,7 @@ impl ScenarioFiles {
 }
 
 /// Adds the warnings to the report of `groups`, the groups of a valid scenario with these units.
-fn warn(scenario: &Scenario, units: &[Placement], groups: &Node) {
+fn warn(scenario: &Scenario, units: &[Placement], groups: &Node, starts_are_free: bool) {
     let mut rest = units;
     let enemies = || {
         let units = scenario.units.iter().filter(|unit| unit.faction == Faction::Enemy);
@@ -84,7 +91,7 @@ fn warn(scenario: &Scenario, units: &[Placement], groups: &Node) {
             of_group += entry.integer(1, crate::MAX_UNITS).map_or(0, |n| n as usize);
         }
         let (here, others) = rest.split_at(of_group.min(rest.len()));
-        if scenario.generation.is_none() {
+        if scenario.generation.is_none() && !starts_are_free {
             warn_of_blocked_squares(scenario, &group, here);
         }
         rest = others;

@@ -8,7 +8,8 @@ use glam::Vec2;
 use serde_json::json;
 use smaclite_engine::policy::{Random, Tactic};
 use smaclite_engine::{
-    Arena, Battle, ExecutionOrder, NeighbourOrder, Opponent, Rules, Scratch, Snapshot, Units, action,
+    Arena, Battle, BattleSetup, ExecutionOrder, NeighbourOrder, Opponent, Rules, Scratch, Snapshot, Units,
+    action,
 };
 use smaclite_scenarios::{Faction, Placement, Scenario, ScenarioFiles};
 use smaclite_units::{Plane, UnitType};
@@ -551,4 +552,33 @@ fn no_unit_is_pushed_into_a_wall() {
             }
         }
     }
+}
+
+/// What was said of battles was true under the rules of SMAClite only: here colossi walk over walls, and no
+/// unit starts inside one.
+#[test]
+fn warnings_are_those_of_the_rules() {
+    let warnings = |unit: &str, [x, y]: [f64; 2]| {
+        let rows: Vec<String> = (0..32).map(|y| if y == 15 { "X" } else { "_" }.repeat(32)).collect();
+        let group =
+            |faction, [x, y]: [f64; 2]| json!({"x": x, "y": y, "faction": faction, "units": {unit: 1}});
+        let file = json!({
+            "name": "walls", "num_allied_units": 1, "num_enemy_units": 1,
+            "groups": [group("ALLY", [x, y]), group("ENEMY", [9.0, 25.0])], "terrain": rows,
+            "attack_point": [9, 9], "num_unit_types": 0, "ally_has_shields": false, "enemy_has_shields": false
+        });
+        let (source, text) = ("walls.json".to_owned(), file.to_string());
+        let files = ScenarioFiles { source, text, unit_files: Vec::new() };
+        Rules::ALL.map(|rules| {
+            let setup = BattleSetup { rules, ..BattleSetup::new(files.clone()) };
+            setup.arena().expect("a valid scenario");
+            setup.warnings().into_iter().map(|warning| warning.message).collect::<Vec<_>>()
+        })
+    };
+    let separated = "`groups` are separated by walls: no path connects the agents with the enemies";
+    let [smaclite, paper, starcraft] = warnings("COLOSSUS", [9.0, 5.0]);
+    assert!(smaclite == [separated] && paper == [separated] && starcraft.is_empty(), "{starcraft:?}");
+    assert_eq!(warnings("MARINE", [9.0, 5.0]), [[separated]; 3]);
+    let [smaclite, paper, starcraft] = warnings("MARINE", [9.5, 15.5]);
+    assert!(smaclite[0].contains("on a blocked square") && paper == smaclite && starcraft.is_empty());
 }

@@ -34,7 +34,7 @@ impl Adapt {
         let Adapt { folder, map, out, weights } = self;
         let run = RunDescription::read(&folder)?;
         let setup = resolve_scenario(&map, run.setup.rules)?;
-        warn_of(&setup.files);
+        warn_of(&setup);
         refuse_file("--out", &out)?;
         adapt_team(&folder, weights, setup, &out)?;
         let out = out.display();

@@ -4,7 +4,7 @@ use super::CommandResult;
 use super::schema::Kind;
 use clap::Args;
 use serde_json::json;
-use smaclite_engine::{Arena, Rules};
+use smaclite_engine::{Arena, BattleSetup, Rules};
 use smaclite_scenarios::{Problem, Problems, Scenario, ScenarioFiles};
 use smaclite_units::UnitType;
 use smaclite_units::file::{
@@ -66,11 +66,9 @@ pub(super) fn print_warnings(warnings: &[Problem]) {
     }
 }
 
-/// Prints the warnings of a scenario that is going to be played. The standard ones are as they are.
-pub(super) fn warn_of(files: &ScenarioFiles) {
-    if !files.is_standard() {
-        print_warnings(&files.warnings());
-    }
+/// Prints the warnings of battles that are going to be played.
+pub(super) fn warn_of(setup: &BattleSetup) {
+    print_warnings(&setup.warnings());
 }
 
 /// One line that describes a valid file.

@@ -190,7 +190,7 @@ impl Record {
                     return Err(format!("--scenario must name what the policy {source} plays").into());
                 };
                 let setup = resolve_scenario(scenario, self.rules.unwrap_or_default())?;
-                warn_of(&setup.files);
+                warn_of(&setup);
                 let opponents = opponent.clone().unwrap_or_else(|| setup.opponents.clone());
                 Ok(Source::Script { setup: BattleSetup { opponents, ..setup }, tactic })
             }

@@ -84,7 +84,7 @@ impl Evaluate {
             None => None,
             Some(name) => {
                 let map = resolve_scenario(name, rules)?;
-                warn_of(&map.files);
+                warn_of(&map);
                 Some(map)
             }
         };

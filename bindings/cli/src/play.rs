@@ -52,7 +52,7 @@ impl Play {
             return Err(text.into());
         }
         let setup = resolve_scenario(&self.scenario, self.rules)?;
-        warn_of(&setup.files);
+        warn_of(&setup);
         let mut teams = vec![team_files(Path::new("zoo:all-maps"), "all-maps")?];
         let (opponents, opponent) = match self.against {
             None => (setup.opponents.clone(), String::new()),

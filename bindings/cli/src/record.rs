@@ -93,7 +93,7 @@ impl Record {
     /// Plays and writes the episodes of a scripted policy.
     fn play(&self) -> Result<Replay, Box<dyn Error>> {
         let (setup, mut start) = self.start()?;
-        warn_of(&setup.files);
+        warn_of(&setup);
         let seed = self.seed.unwrap_or(0);
         let mut recorder = Recorder::new(setup, seed)?;
         let mut policy = Scripted::from_name(&self.policy, seed)?;

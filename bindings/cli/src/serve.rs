@@ -191,7 +191,6 @@ impl Serve {
             files = files.with_keys(self.set.iter().cloned());
             scenario = files.scenario()?;
         }
-        warn_of(&files);
         let name = name.clone().unwrap_or_else(|| scenario.name.clone());
         check_name(&name).map_err(|why| format!("lane `{text}`: {why}; choose a name with LANE={text}"))?;
         let episode_limit = self.episode_limit.unwrap_or_default();
@@ -199,6 +198,7 @@ impl Serve {
         sides.check(&scenario)?;
         let setup = BattleSetup::new(files).with_sides(sides);
         let setup = BattleSetup { rules: self.rules, episode_limit, ..setup };
+        warn_of(&setup);
         let (setup, team) = match self.opponent.clone() {
             Some(opponents) => opponents.open(setup).map_err(|error| format!("lane `{text}`: {error}"))?,
             None => (setup, None),

@@ -67,6 +67,15 @@ impl BattleSetup {
         BattleSetup { sides, opponents, ..self }
     }
 
+    /// What is probably a mistake in these battles, as [`ScenarioFiles::warnings`] under their rules. Of
+    /// standard scenarios nothing is said.
+    pub fn warnings(&self) -> Vec<Problem> {
+        let scenario = if self.files.is_standard() { None } else { self.files.scenario().ok() };
+        scenario.map_or_else(Vec::new, |scenario| {
+            self.files.warnings_of(&self.rules.figures(&scenario), self.rules == Rules::Starcraft)
+        })
+    }
+
     /// The scenario, and the arena in which the battles are played.
     ///
     /// # Errors

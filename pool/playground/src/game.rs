@@ -161,8 +161,6 @@ impl Game {
 
     /// What is probably a mistake in a scenario that somebody has changed or written.
     pub fn warnings(&self) -> Vec<String> {
-        let files = &self.setup.files;
-        let warnings = if files.is_standard() { Vec::new() } else { files.warnings() };
-        warnings.into_iter().map(|warning| warning.message).collect()
+        self.setup.warnings().into_iter().map(|warning| warning.message).collect()
     }
 }

@@ -96,7 +96,7 @@ impl PlayTournament {
     fn setup(&self) -> Result<Option<BattleSetup>, Box<dyn Error>> {
         let Some(name) = &self.scenario else { return Ok(None) };
         let setup = resolve_scenario(name, self.rules.unwrap_or_default())?;
-        warn_of(&setup.files);
+        warn_of(&setup);
         Ok(Some(setup))
     }
 }

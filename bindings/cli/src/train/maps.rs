@@ -55,7 +55,7 @@ impl Train {
         let (names, weights): (Vec<String>, Vec<f64>) = weighted.into_iter().unzip();
         let resolve = |name: &String| resolve_scenario(name, self.rules.unwrap_or_default());
         let setups = names.iter().map(resolve).collect::<Result<Vec<BattleSetup>, _>>()?;
-        setups.iter().for_each(|setup| warn_of(&setup.files));
+        setups.iter().for_each(warn_of);
         let mut n_agents = 0;
         for setup in &setups {
             n_agents += setup.files.scenario()?.n_agents();

@@ -326,7 +326,7 @@ impl Train {
         if let (Some(setup), Some(OpponentOption::Scripts(scripts))) = (of_map.as_mut(), &self.opponent) {
             setup.opponents = scripts.clone();
         }
-        of_map.iter().for_each(|setup| warn_of(&setup.files));
+        of_map.iter().for_each(warn_of);
         let Some(pool) = self.pool.clone() else {
             return of_map.ok_or_else(|| "a MAP or --pool is required".into());
         };
