@@ -156,7 +156,8 @@ def load_team(
             Teams of the two sides draw independently, also with equal seeds.
         side: which units it plays: `"allies"`, or `"enemies"`, from `enemy_obs` and `enemy_avail_actions`.
         map: the scenario that it plays instead of that of its training, a name or a file. Its networks must
-            be `universal` (`train --network universal` or `--maps`).
+            be `universal` (`train --network universal` or `--maps`). It knows the unit types by their figures
+            under the rules of its training, which `settings` has: make the environments with these.
 
     Raises InvalidRequest if there is no such team, its files are damaged, it does not play that map, or the
     seed is negative.

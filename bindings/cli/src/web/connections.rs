@@ -80,10 +80,10 @@ impl Connections {
 
     /// A place for a new connection, if need be that of the oldest one that has not shown the token.
     async fn place(&mut self) -> Option<OwnedSemaphorePermit> {
+        self.visits.retain(|visit| visit.strong_count() > 0);
         if let Ok(permit) = Arc::clone(&self.free).try_acquire_owned() {
             return Some(permit);
         }
-        self.visits.retain(|visit| visit.strong_count() > 0);
         let expelled =
             self.visits.iter().position(|visit| visit.upgrade().is_some_and(|visit| visit.expel()))?;
         self.visits.remove(expelled);
