@@ -93,7 +93,7 @@ pub fn run(
 /// One pool, and the battles that it plays.
 struct Round {
     scenario: String,
-    rules: Rules,
+    setup: BattleSetup,
     threads: usize,
     settings: LaneSettings,
     arena: Arc<Arena>,
@@ -102,7 +102,7 @@ struct Round {
 
 impl Round {
     fn draw(scenario: &str, most: u64, rng: &mut Pcg64Mcg) -> Result<Round, String> {
-        let rules = *[Rules::Smaclite, Rules::Paper, Rules::Starcraft].choose(rng).expect("some rules");
+        let rules = *Rules::ALL.choose(rng).expect("some rules");
         let num_envs = *[1, 5, 64].choose(rng).expect("some numbers");
         let settings = LaneSettings {
             batch_size: if rng.random() { num_envs } else { rng.random_range(1..=num_envs) },
@@ -110,19 +110,21 @@ impl Round {
             autoreset: *[Autoreset::NextStep, Autoreset::SameStep].choose(rng).expect("some modes"),
             ..LaneSettings::new(num_envs)
         };
-        let (_, arena) = setup(scenario, rules)?.arena().map_err(|error| error.to_string())?;
+        let (_, files) = ScenarioFiles::resolve(scenario).map_err(|error| error.to_string())?;
+        let setup = BattleSetup { rules, ..BattleSetup::new(files) };
+        let (_, arena) = setup.arena().map_err(|error| error.to_string())?;
         let Sizes { n_agents, n_enemies, .. } = arena.sizes();
         let steps = most.min(UNIT_STEPS / (n_agents + n_enemies) as u64);
         let (scenario, arena) = (scenario.to_owned(), Arc::new(arena));
-        Ok(Round { scenario, rules, threads: rng.random_range(1..=3), settings, arena, steps })
+        Ok(Round { scenario, setup, threads: rng.random_range(1..=3), settings, arena, steps })
     }
 
     fn name(&self) -> String {
         let LaneSettings { num_envs, batch_size, autoreset, seed, .. } = self.settings;
         format!(
-            "{}, rules {:?}, {} threads, {num_envs} environments, batches of {batch_size}, \
+            "{}, rules {}, {} threads, {num_envs} environments, batches of {batch_size}, \
              autoreset {autoreset:?}, seed {seed}",
-            self.scenario, self.rules, self.threads
+            self.scenario, self.setup.rules, self.threads
         )
     }
 
@@ -159,18 +161,13 @@ impl Round {
     }
 }
 
-fn setup(scenario: &str, rules: Rules) -> Result<BattleSetup, String> {
-    let (_, files) = ScenarioFiles::resolve(scenario).map_err(|error| error.to_string())?;
-    Ok(BattleSetup { rules, ..BattleSetup::new(files) })
-}
-
 /// Plays a round in a pool and alone, and returns its number of steps.
 fn play(round: &Round, dir: &TestDir) -> Result<u64, String> {
     let failed = |error: &dyn fmt::Display| format!("{}: {error}", round.name());
     let LaneSettings { num_envs, batch_size, seed, .. } = round.settings;
     let lane = LaneConfig {
         name: "lane".to_owned(),
-        setup: setup(&round.scenario, round.rules)?,
+        setup: round.setup.clone(),
         team: None,
         settings: round.settings,
         max_held_batches: 2,
@@ -188,7 +185,8 @@ fn play(round: &Round, dir: &TestDir) -> Result<u64, String> {
     let mut players: Vec<Player> = (0..num_envs).map(|env| Player::new(seed, env, sizes)).collect();
     let (mut rows, mut actions) = (0, Vec::new());
     client.send(Order::reset(None), None, WaitOptions::forever()).map_err(|error| failed(&error))?;
-    while rows < round.steps {
+    // The first row of each environment is of its reset.
+    while rows < round.steps + num_envs as u64 {
         let wait = WaitOptions { timeout: Some(TIMEOUT), interrupted: &mut || false };
         let batch = client.recv(wait).map_err(|error| failed(&error))?;
         actions.clear();
