@@ -48,7 +48,7 @@ pub(crate) const KEYS: [&dyn AnyKey; 35] = [
 ];
 
 /// No useful value comes near these limits; they keep the simulator's f32 arithmetic finite. What is divided
-/// by (health and sight ranges) has a least value for that.
+/// by (health, sight ranges and cooldowns) has a least value for that.
 const MAX_VALUE: f64 = 1e6;
 /// The least health, sight range and size of a unit type.
 pub const MIN_POSITIVE: f64 = 1e-3;
@@ -92,9 +92,9 @@ pub(crate) const BONUSES: Key<Shape> = Key::optional(
     Shape { schema: bonuses_schema, expected: "an object of attributes and damages" },
     "Additional damage of each hit to units with an attribute.",
 );
-pub(crate) const COOLDOWN: Key<Range> = Key::required(
+pub(crate) const COOLDOWN: Key<Shape> = Key::required(
     "cooldown",
-    NON_NEGATIVE,
+    Shape { schema: cooldown_schema, expected: "0 or a number from 0.001 to 1000000" },
     "Time between attacks, in seconds; 0 lets the unit attack in every tick.",
 );
 pub(crate) const SPEED: Key<Range> = Key::required(
@@ -332,6 +332,12 @@ fn bonuses_schema() -> Schema {
     json!({
         "type": "object", "propertyNames": { "enum": names }, "additionalProperties": NON_NEGATIVE.schema(),
     })
+}
+
+fn cooldown_schema() -> Schema {
+    let mut schema = NON_NEGATIVE.schema();
+    schema["anyOf"] = json!([{ "const": 0 }, { "minimum": MIN_POSITIVE }]);
+    schema
 }
 
 fn attack_range_schema() -> Schema {

@@ -55,7 +55,7 @@ impl UnitType {
         let (energy, combat_type) = (number(&keys::ENERGY), file.read(&keys::COMBAT_TYPE));
         let (hp, shield, hp_regen) = (number(&keys::HP), number(&keys::SHIELD), number(&keys::HP_REGEN));
         let (armor, damage) = (number(&keys::ARMOR), number(&keys::DAMAGE));
-        let (cooldown, speed, size) = (number(&keys::COOLDOWN), number(&keys::SPEED), number(&keys::SIZE));
+        let (cooldown, speed, size) = (cooldown(&file), number(&keys::SPEED), number(&keys::SIZE));
         let minimum_scan_range = number(&keys::MINIMUM_SCAN_RANGE);
         let (sight_range, targeting_range) = (number(&keys::SIGHT_RANGE), number(&keys::TARGETING_RANGE));
         let (attacks, plane) = (file.read(&keys::ATTACKS), file.read(&keys::PLANE));
@@ -163,6 +163,14 @@ fn conduct(file: &Object, targeter: Result<Targeter, Reported>) -> Result<Conduc
         turn_rate: turn_rate?,
         explodes_when_killed: explodes_when_killed?,
     })
+}
+
+/// State features are divided by it, unless it is 0.
+fn cooldown(file: &Object) -> Result<f64, Reported> {
+    let (node, expected) = (file.require(&keys::COOLDOWN)?, keys::COOLDOWN.kind.expected);
+    let cooldown = node.number_or(NON_NEGATIVE, expected)?;
+    let is_useful = cooldown == 0.0 || cooldown >= keys::MIN_POSITIVE;
+    if is_useful { Ok(cooldown) } else { Err(node.invalid(expected)) }
 }
 
 fn bonuses(file: &Object) -> Result<Vec<(Attribute, f64)>, Reported> {
