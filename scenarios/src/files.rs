@@ -1,7 +1,7 @@
 //! A scenario as the texts of its files, which need no file system to be read again.
 
 use crate::Scenario;
-use crate::keys::{GROUPS, HEIGHT, REWARDS, SMACV2, TEAMS, TERRAIN, TERRAIN_PRESET, WIDTH};
+use crate::keys::{GROUPS, HEIGHT, REWARDS, SMACV2, START_POSITIONS, TEAMS, TERRAIN, TERRAIN_PRESET, WIDTH};
 use crate::unit_files::{Origin, UnitFile};
 use serde::{Deserialize, Serialize};
 use serde_json::value::{RawValue, to_raw_value};
@@ -83,9 +83,9 @@ impl ScenarioFiles {
     /// The files with other top-level keys of the scenario file: `null` removes a key, the options of
     /// `smacv2` and `rewards` are added to those of the file, and any other value replaces the file's. The
     /// options of `rewards` are among those of `smacv2` in a file that has them. Of `groups` and `teams`
-    /// one replaces the other, and of `terrain` and `terrain_preset`, with which the size of the map is
-    /// that of presets. The text is written anew, and what cannot be changed because it is no JSON object
-    /// stays as it is.
+    /// one replaces the other, groups also the `start_positions` of teams; and so it is of `terrain` and
+    /// `terrain_preset`, with which the size of the map is that of presets. The text is written anew, and
+    /// what cannot be changed because it is no JSON object stays as it is.
     ///
     /// ```
     /// use smaclite_scenarios::ScenarioFiles;
@@ -107,6 +107,10 @@ impl ScenarioFiles {
         let is_given = |key: &str| keys.iter().any(|(given, value)| given == key && !is_null(value));
         let read = entries_of(without_mark(&self.text));
         let Some(mut file) = read.filter(|_| !keys.is_empty()) else { return self.clone() };
+        if is_given(GROUPS.name) && file.contains_key(TEAMS.name) {
+            // Drawn for teams, which have no positions. Groups have their own.
+            file.remove(START_POSITIONS.name);
+        }
         for key in keys.iter().map(|(key, _)| key.as_str()).filter(|key| is_given(key)) {
             // Who gives both is told that one of them must be left out.
             for replaced in replaced_by(key).iter().filter(|replaced| !is_given(replaced)) {

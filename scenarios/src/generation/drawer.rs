@@ -15,6 +15,10 @@
 use super::place::{Placer, exact};
 use crate::{Drawn, DrawnTeams, Faction, Generation, Scenario, Starts, Teams};
 
+/// How often the start positions of an episode are drawn at most. Only a few of a thousand draws of an
+/// accepted scenario leave a unit without room.
+const MOST_ATTEMPTS: usize = 1000;
+
 /// Draws the units of the episodes of a scenario.
 #[derive(Clone, Debug)]
 pub struct Drawer {
@@ -66,13 +70,22 @@ impl Drawer {
 
     /// Moves units that have no room to the nearest free places, and gives the allies their numbers: by the
     /// name of their type, then from west to east, then from south to north. The enemies keep their order.
-    pub fn place(&self, teams: &mut DrawnTeams) {
-        self.placer.place(teams);
+    ///
+    /// Where a unit has no room, which is rare, since it is refused in the samples of a scenario, the start
+    /// positions of all are drawn again.
+    pub fn place(&self, share: &mut dyn FnMut() -> f64, teams: &mut DrawnTeams) {
+        for _ in 0..MOST_ATTEMPTS {
+            if self.placer.spread(teams) {
+                break;
+            }
+            self.draw_starts(share, teams);
+        }
+        self.number(&mut teams.allies);
     }
 
-    /// As [`place`](Self::place), up to the first unit without room. Whether all have room.
+    /// Gives the units places, up to the first one without room. Whether all have room.
     pub(crate) fn has_room(&self, teams: &mut DrawnTeams) -> bool {
-        self.placer.has_room(teams)
+        self.placer.spread(teams)
     }
 
     /// Gives allies their numbers.

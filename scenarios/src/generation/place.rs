@@ -54,38 +54,20 @@ impl Placer {
         }
     }
 
-    /// Places all units. A scenario in whose samples one has no room is refused; in a rarer draw it stays
-    /// where it was drawn.
-    pub(crate) fn place(&self, teams: &mut DrawnTeams) {
-        self.spread(teams, true);
-        self.number(&mut teams.allies);
-    }
-
-    /// Places the units, up to the first one without room. Whether all have room.
-    pub(crate) fn has_room(&self, teams: &mut DrawnTeams) -> bool {
-        self.spread(teams, false)
-    }
-
-    /// Gives the units places in their order: all that have room, or those before the first one without.
-    fn spread(&self, teams: &mut DrawnTeams, all: bool) -> bool {
+    /// Gives the units places in their order, up to the first one without room. Whether all have room.
+    pub(crate) fn spread(&self, teams: &mut DrawnTeams) -> bool {
         let DrawnTeams { allies, enemies } = teams;
-        let (mut search, mut has_room) = (Search::default(), true);
+        let mut search = Search::default();
         let n_allies = allies.len();
-        for unit in 0..n_allies + enemies.len() {
+        (0..n_allies + enemies.len()).all(|unit| {
             let (side, others, unit, east) = match unit.checked_sub(n_allies) {
                 None => (&mut *allies, &[][..], unit, 1.0),
                 Some(unit) => (&mut *enemies, &allies[..], unit, -1.0),
             };
             let (before, rest) = side.split_at_mut(unit);
-            match self.find(rest[0], east, before, others, &mut search) {
-                Some(place) => rest[0].position = place,
-                None => has_room = false,
-            }
-            if !has_room && !all {
-                break;
-            }
-        }
-        has_room
+            let place = self.find(rest[0], east, before, others, &mut search);
+            place.map(|place| rest[0].position = place).is_some()
+        })
     }
 
     /// Orders allies by the name of their type, then from west to east, then from south to north.

@@ -69,7 +69,7 @@ pub(crate) fn sample(
             }
             drawer.draw(&mut share, &mut other);
         }
-        drawer.place(&mut drawn);
+        drawer.place(&mut share, &mut drawn);
     }
     let sides = [(Faction::Ally, &drawn.allies), (Faction::Enemy, &drawn.enemies)];
     let of_side = |(faction, units): (Faction, &Vec<super::Drawn>)| {

@@ -82,8 +82,9 @@ impl Battle {
     /// Draws the units of a generated scenario.
     fn draw_units(&mut self) {
         let Some(drawer) = self.arena.drawer() else { return };
-        drawer.draw(&mut || self.generator.next_f64(), &mut self.drawn);
-        drawer.place(&mut self.drawn);
+        let mut share = || self.generator.next_f64();
+        drawer.draw(&mut share, &mut self.drawn);
+        drawer.place(&mut share, &mut self.drawn);
         // Memory is allocated at the first reset alone, when the arena is still shared with other battles.
         let arena = Arc::make_mut(&mut self.arena);
         arena.set_drawn(self.drawn.allies.iter().chain(&self.drawn.enemies).copied());

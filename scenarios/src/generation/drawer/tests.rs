@@ -142,20 +142,34 @@ fn scenario(keys: &str) -> Scenario {
     files.scenario().unwrap_or_else(|problems| panic!("{problems}"))
 }
 
+/// Shows each of so many draws, before and after the units got their places.
+fn each_draw(scenario: &Scenario, seed: u64, episodes: usize, mut see: impl FnMut(&DrawnTeams, &DrawnTeams)) {
+    let (drawer, mut share) = (Drawer::new(scenario).unwrap(), shares(seed));
+    let (mut drawn, mut placed) = (DrawnTeams::default(), DrawnTeams::default());
+    for _ in 0..episodes {
+        drawer.draw(&mut share, &mut drawn);
+        placed.clone_from(&drawn);
+        drawer.place(&mut share, &mut placed);
+        see(&drawn, &placed);
+    }
+}
+
+fn units(drawn: &DrawnTeams) -> impl Iterator<Item = &Drawn> {
+    drawn.allies.iter().chain(&drawn.enemies)
+}
+
 #[test]
 fn all_teams_gives_every_multiset_equally_often() {
     let scenario = scenario(
         r#""teams": {"distribution": "all_teams", "unit_types": ["MARINE", "MARAUDER", "MEDIVAC"],
             "exception_unit_types": ["MEDIVAC"]}, "start_positions": {"distribution": "surrounded"}"#,
     );
-    let (drawer, mut share, mut drawn) = (Drawer::new(&scenario).unwrap(), shares(5), DrawnTeams::default());
     let mut counts = std::collections::BTreeMap::<Vec<usize>, usize>::new();
-    for _ in 0..EPISODES {
-        drawer.draw(&mut share, &mut drawn);
+    each_draw(&scenario, 5, EPISODES, |drawn, _| {
         let mut team: Vec<_> = drawn.allies.iter().map(|unit| unit.unit_type).collect();
         team.sort_unstable();
         *counts.entry(team).or_default() += 1;
-    }
+    });
     // Ten multisets of three of three types, less that of medivacs alone.
     assert_eq!(counts.len(), 9);
     check("multiset", &counts.values().copied().collect::<Vec<_>>(), &[1.0 / 9.0; 9]);
@@ -169,60 +183,55 @@ fn fixed_teams_are_equally_probable_and_in_random_order() {
             "start_positions": {"distribution": "uniform",
                 "allies": [1, 2, 3, 4], "enemies": [20, 0, 32, 1]}"#,
     );
-    let (drawer, mut share, mut drawn) = (Drawer::new(&scenario).unwrap(), shares(6), DrawnTeams::default());
     let mut first = [0; 3];
-    for _ in 0..EPISODES {
-        drawer.draw(&mut share, &mut drawn);
+    each_draw(&scenario, 6, EPISODES, |drawn, _| {
         first[drawn.allies[0].unit_type] += 1;
         let within = |unit: &Drawn, [x0, y0, x1, y1]: [f64; 4]| {
             (x0..=x1).contains(&unit.position[0]) && (y0..=y1).contains(&unit.position[1])
         };
         assert!(drawn.allies.iter().all(|unit| within(unit, [1.0, 2.0, 3.0, 4.0])));
         assert!(drawn.enemies.iter().all(|unit| within(unit, [20.0, 0.0, 32.0, 1.0])));
-    }
+    });
     check("first type", &first, &[1.0 / 3.0, 1.0 / 6.0, 0.5]);
+}
+
+fn assert_apart(scenario: &Scenario, drawn: &DrawnTeams) {
+    let [width, height] = [scenario.terrain.width(), scenario.terrain.height()].map(f64::from);
+    let name = &scenario.name;
+    for (i, a) in units(drawn).enumerate() {
+        let [x, y] = a.position;
+        assert!((0.0..width).contains(&x) && (0.0..height).contains(&y), "{name}: {a:?}");
+        for b in units(drawn).take(i) {
+            let [a_type, b_type] = [a, b].map(|unit| &scenario.unit_types[unit.unit_type]);
+            let distance = (x - b.position[0]).hypot(y - b.position[1]);
+            let apart = distance >= a_type.radius() + b_type.radius() - 1e-9;
+            assert!(apart || a_type.plane != b_type.plane, "{name}: {a:?} {b:?}");
+        }
+    }
 }
 
 #[test]
 fn units_have_places_of_their_own_and_mirrored_teams_stay_mirrored() {
     for name in Scenario::generated_names() {
         let scenario = Scenario::standard(name).unwrap();
-        let (drawer, mut share, mut drawn) =
-            (Drawer::new(&scenario).unwrap(), shares(7), DrawnTeams::default());
-        for _ in 0..300 {
-            drawer.draw(&mut share, &mut drawn);
+        each_draw(&scenario, 7, 300, |drawn, placed| {
+            assert_apart(&scenario, placed);
             let is_reflected = drawn.allies[0].position[0] < 16.0;
-            drawer.place(&mut drawn);
-            let units: Vec<&Drawn> = drawn.allies.iter().chain(&drawn.enemies).collect();
-            for (i, a) in units.iter().enumerate() {
-                let [x, y] = a.position;
-                assert!((0.0..32.0).contains(&x) && (0.0..32.0).contains(&y), "{name}: {a:?}");
-                for b in &units[..i] {
-                    let (a_type, b_type) =
-                        (&scenario.unit_types[a.unit_type], &scenario.unit_types[b.unit_type]);
-                    let distance = (x - b.position[0]).hypot(y - b.position[1]);
-                    let apart = distance >= a_type.radius() + b_type.radius() - 1e-9;
-                    assert!(apart || a_type.plane != b_type.plane, "{name}: {a:?} {b:?}");
-                }
-            }
-            let crosses = drawn.allies.iter().any(|unit| unit.position[0] > 14.5);
-            if is_reflected && !crosses && drawn.allies.len() == drawn.enemies.len() {
-                let mut mirrored: Vec<_> = drawn
-                    .enemies
-                    .iter()
-                    .map(|unit| (unit.unit_type, [32.0 - unit.position[0], unit.position[1]]))
-                    .collect();
+            let crosses = placed.allies.iter().any(|unit| unit.position[0] > 14.5);
+            if is_reflected && !crosses && placed.allies.len() == placed.enemies.len() {
+                let mirror = |unit: &Drawn| (unit.unit_type, [32.0 - unit.position[0], unit.position[1]]);
+                let mut mirrored: Vec<_> = placed.enemies.iter().map(mirror).collect();
                 let mut allies: Vec<_> =
-                    drawn.allies.iter().map(|unit| (unit.unit_type, unit.position)).collect();
+                    placed.allies.iter().map(|unit| (unit.unit_type, unit.position)).collect();
                 let by_place = |a: &(usize, [f64; 2]), b: &(usize, [f64; 2])| a.partial_cmp(b).unwrap();
                 mirrored.sort_by(by_place);
                 allies.sort_by(by_place);
                 assert_eq!(mirrored, allies, "{name}");
             }
-            let names =
-                drawn.allies.iter().map(|unit| (&scenario.unit_types[unit.unit_type].name, unit.position[0]));
-            assert!(names.is_sorted(), "{name}: numbers go by type, then from west to east");
-        }
+            let type_and_x = |unit: &Drawn| (&scenario.unit_types[unit.unit_type].name, unit.position[0]);
+            let are_numbered = placed.allies.iter().map(type_and_x).is_sorted();
+            assert!(are_numbered, "{name}: numbers go by type, then from west to east");
+        });
     }
 }
 
@@ -235,18 +244,39 @@ fn ground_units_start_on_walkable_squares() {
         let text = text.replace("\"attack_point\"", start).replace("\"SIMPLE\"", preset);
         let files = ScenarioFiles { source: "x.json".into(), text, unit_files: Vec::new() };
         let scenario = files.scenario().unwrap();
-        let (drawer, mut share, mut drawn) =
-            (Drawer::new(&scenario).unwrap(), shares(8), DrawnTeams::default());
-        for _ in 0..300 {
-            drawer.draw(&mut share, &mut drawn);
-            drawer.place(&mut drawn);
-            for unit in drawn.allies.iter().chain(&drawn.enemies) {
+        each_draw(&scenario, 8, 300, |_, placed| {
+            for unit in units(placed) {
                 let [x, y] = unit.position;
                 assert!(scenario.terrain.is_walkable(x as i64, y as i64), "{preset} {unit:?}");
             }
-            let mut types: Vec<usize> = drawn.allies.iter().map(|unit| unit.unit_type).collect();
+            let mut types: Vec<usize> = placed.allies.iter().map(|unit| unit.unit_type).collect();
             types.sort_unstable();
             assert_eq!(types, [0, 0, 0, 1, 1, 1, 1, 1], "the units are those of the groups");
+        });
+    }
+}
+
+/// A scenario on an open map, with so many units on each side.
+fn on_map([width, height]: [usize; 2], starts: &str, n: usize, units: &str) -> Scenario {
+    let rows = vec!["_".repeat(width); height];
+    let text = format!(
+        r#"{{"name": "{width} x {height}", "num_allied_units": {n}, "num_enemy_units": {n},
+            "width": {width}, "height": {height}, "terrain": {rows:?},
+            "start_positions": {{"distribution": "{starts}"}},
+            {units}, "num_unit_types": 0, "ally_has_shields": false, "enemy_has_shields": false}}"#
+    );
+    let files = ScenarioFiles { source: "x.json".into(), text, unit_files: Vec::new() };
+    files.scenario().unwrap_or_else(|problems| panic!("{problems}"))
+}
+
+/// In some of a thousand episodes units had no room, and began where others were.
+#[test]
+fn units_on_small_maps_never_overlap() {
+    for (map, n, unit_type) in [([6, 4], 5, "ZEALOT"), ([6, 6], 2, "COLOSSUS"), ([3, 3], 2, "MARINE")] {
+        for starts in ["reflect_position", "surrounded", "surrounded_and_reflect"] {
+            let teams = format!(r#""teams": {{"distribution": "all_teams", "unit_types": ["{unit_type}"]}}"#);
+            let scenario = on_map(map, starts, n, &teams);
+            each_draw(&scenario, 9, 2000, |_, placed| assert_apart(&scenario, placed));
         }
     }
 }
@@ -254,26 +284,15 @@ fn ground_units_start_on_walkable_squares() {
 /// The ways from the corners were as long as on a wide map, so groups began off a narrow one.
 #[test]
 fn groups_are_on_maps_of_any_size() {
+    let groups = r#""groups": [{"x": 0.5, "y": 0.5, "faction": "ALLY", "units": {"MEDIVAC": 1}},
+        {"x": 0.5, "y": 0.5, "faction": "ENEMY", "units": {"MARINE": 1}}]"#;
     for [width, height] in [[1, 1], [3, 2], [2, 40]] {
-        let rows = vec![format!("\"{}\"", "_".repeat(width)); height].join(", ");
-        let text = format!(
-            r#"{{"name": "x", "num_allied_units": 1, "num_enemy_units": 1,
-                "width": {width}, "height": {height}, "terrain": [{rows}],
-                "start_positions": {{"distribution": "surrounded"}},
-                "groups": [{{"x": 0.5, "y": 0.5, "faction": "ALLY", "units": {{"MEDIVAC": 1}}}},
-                           {{"x": 0.5, "y": 0.5, "faction": "ENEMY", "units": {{"MARINE": 1}}}}],
-                "num_unit_types": 0, "ally_has_shields": false, "enemy_has_shields": false}}"#
-        );
-        let files = ScenarioFiles { source: "x.json".into(), text, unit_files: Vec::new() };
-        let scenario = files.scenario().unwrap_or_else(|problems| panic!("{problems}"));
-        let drawer = Drawer::new(&scenario).unwrap();
-        let (mut share, mut drawn) = (shares(9), DrawnTeams::default());
-        for _ in 0..300 {
-            drawer.draw(&mut share, &mut drawn);
+        let scenario = on_map([width, height], "surrounded", 1, groups);
+        each_draw(&scenario, 9, 300, |drawn, _| {
             for unit in &drawn.enemies {
                 let [x, y] = unit.position;
                 assert!((0.0..=width as f64).contains(&x) && (0.0..=height as f64).contains(&y), "{unit:?}");
             }
-        }
+        });
     }
 }
