@@ -32,6 +32,7 @@ pub fn array<'py>(frame: &Bound<'py, Frame>, field: Field) -> PyResult<Option<Bo
         Dtype::I32 => typed_array::<i32>(frame, field)?.map(Bound::into_any),
         Dtype::U8 => typed_array::<u8>(frame, field)?.map(Bound::into_any),
         Dtype::Bool => typed_array::<bool>(frame, field)?.map(Bound::into_any),
+        Dtype::U32 | Dtype::U64 | Dtype::F64 => unreachable!("no field has such elements"),
     };
     Ok(array)
 }

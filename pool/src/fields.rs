@@ -4,39 +4,7 @@
 mod set;
 
 pub use set::{FieldSet, UnknownField};
-
-/// The element type of a field.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Dtype {
-    /// 32-bit float.
-    F32,
-    /// 32-bit signed integer.
-    I32,
-    /// One byte, 0 or 1.
-    Bool,
-    /// One byte.
-    U8,
-}
-
-impl Dtype {
-    /// Bytes of one element.
-    pub const fn size(self) -> usize {
-        match self {
-            Dtype::F32 | Dtype::I32 => 4,
-            Dtype::Bool | Dtype::U8 => 1,
-        }
-    }
-
-    /// NumPy's name of the type.
-    pub const fn name(self) -> &'static str {
-        match self {
-            Dtype::F32 => "float32",
-            Dtype::I32 => "int32",
-            Dtype::Bool => "bool",
-            Dtype::U8 => "uint8",
-        }
-    }
-}
+pub use smaclite_engine::Dtype;
 
 /// A dimension of a field after the slot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -6,7 +6,7 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use smaclite_engine::policy::Random;
 use smaclite_engine::{
-    Arena, Battle, BattleSetup, COLUMNS, Column, ColumnSpec, ColumnType, Opponent, RecordLayout, RecordSizes,
+    Arena, Battle, BattleSetup, COLUMNS, Column, ColumnSpec, Dtype, Opponent, RecordLayout, RecordSizes,
     Rules, Scratch, Sides, Snapshot,
 };
 use smaclite_scenarios::{Capability, EnemyMask, Faction, Placement, Scenario, ScenarioFiles, UnitFile};
@@ -185,12 +185,12 @@ fn extreme(column: &ColumnSpec, rng: &mut Pcg64) -> Vec<u8> {
     let ints = [-2, -1, 0, 1, 5, 6, 100, i32::MAX, i32::MIN];
     let words = [0, 1, 2, 10, 1 << 31, u64::MAX, 1 << 63, 1.7e308_f64.to_bits(), 0.5_f64.to_bits()];
     match column.dtype {
-        ColumnType::F64 => f64s.choose(rng).expect("one").to_le_bytes().to_vec(),
-        ColumnType::F32 => f32s.choose(rng).expect("one").to_le_bytes().to_vec(),
-        ColumnType::I32 => ints.choose(rng).expect("one").to_le_bytes().to_vec(),
-        ColumnType::U32 => (*words.choose(rng).expect("one") as u32).to_le_bytes().to_vec(),
-        ColumnType::U64 => words.choose(rng).expect("one").to_le_bytes().to_vec(),
-        ColumnType::Bool => vec![rng.random_range(0..3)],
+        Dtype::F64 => f64s.choose(rng).expect("one").to_le_bytes().to_vec(),
+        Dtype::F32 => f32s.choose(rng).expect("one").to_le_bytes().to_vec(),
+        Dtype::I32 => ints.choose(rng).expect("one").to_le_bytes().to_vec(),
+        Dtype::U32 => (*words.choose(rng).expect("one") as u32).to_le_bytes().to_vec(),
+        Dtype::U64 => words.choose(rng).expect("one").to_le_bytes().to_vec(),
+        Dtype::U8 | Dtype::Bool => vec![rng.random_range(0..3)],
     }
 }
 

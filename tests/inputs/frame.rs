@@ -54,7 +54,7 @@ fn read_all_fields(layout: &Layout, payload: &[u8]) {
         let elements = match field.spec().dtype {
             Dtype::F32 => layout.view::<f32>(bytes, field).map(<[f32]>::len),
             Dtype::I32 => layout.view::<i32>(bytes, field).map(<[i32]>::len),
-            Dtype::Bool | Dtype::U8 => layout.view::<u8>(bytes, field).map(<[u8]>::len),
+            _ => layout.view::<u8>(bytes, field).map(<[u8]>::len),
         };
         assert_eq!(elements, Some(layout.slots() * layout.row_len(field)));
     }

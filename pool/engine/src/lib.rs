@@ -59,6 +59,7 @@ mod block_index;
 mod buffers;
 mod command;
 mod distance;
+mod dtype;
 mod encode;
 mod extent;
 mod fast_math;
@@ -89,6 +90,7 @@ pub use arena::Arena;
 pub use battle::Battle;
 pub use battle_setup::{BattleSetup, EpisodeLimit};
 pub use command::{IllegalAction, action};
+pub use dtype::Dtype;
 pub use encode::{
     NotUniversal, RowMap, TargetLayout, UnitFeatures, UnitLayout, UnitRows, UniversalForm, UniversalRows,
     action_names, feature_bounds, obs_features, state_features,
@@ -106,8 +108,8 @@ pub use sides::{Actor, EnemySide, Sides, SidesError};
 pub use sizes::{EnemySizes, Sizes};
 pub use smaclite_scenarios::{Faction, Rewards};
 pub use snapshot::{
-    COLUMN_COUNT, COLUMNS, Column, ColumnAxis, ColumnSpec, ColumnType, MAX_LAST_ACTIONS, RECORD_VERSION,
-    RecordLayout, RecordSizes, Snapshot, SnapshotError,
+    COLUMN_COUNT, COLUMNS, Column, ColumnAxis, ColumnSpec, MAX_LAST_ACTIONS, RECORD_VERSION, RecordLayout,
+    RecordSizes, Snapshot, SnapshotError,
 };
 pub use step::{ExecutionOrder, Step, Tick};
 pub use units::Units;

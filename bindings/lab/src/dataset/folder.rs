@@ -83,7 +83,8 @@ fn header(array: ArrayName, dataset: &Dataset) -> Vec<u8> {
     let descr = match array.spec().dtype {
         Dtype::F32 => "<f4",
         Dtype::I32 => "<i4",
-        Dtype::Bool | Dtype::U8 => "|b1",
+        Dtype::Bool => "|b1",
+        other => unreachable!("no array of a dataset has elements of {}", other.name()),
     };
     let axes = std::iter::once(n_rows(array, dataset)).chain(array.row_shape(&dataset.sizes()));
     let shape: String = axes.map(|length| format!("{length}, ")).collect();

@@ -1,40 +1,7 @@
 //! The columns of a snapshot's record, declared once: the code that writes and reads them, Python's view of
 //! them and the page `docs/reference/snapshots.md` derive from [`COLUMNS`].
 
-/// The type of a column's elements.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[allow(missing_docs)] // the names say it
-pub enum ColumnType {
-    U32,
-    U64,
-    I32,
-    F32,
-    F64,
-    Bool,
-}
-
-impl ColumnType {
-    /// Bytes of an element.
-    pub const fn size(self) -> usize {
-        match self {
-            ColumnType::U32 | ColumnType::I32 | ColumnType::F32 => 4,
-            ColumnType::U64 | ColumnType::F64 => 8,
-            ColumnType::Bool => 1,
-        }
-    }
-
-    /// NumPy's name of the type.
-    pub const fn name(self) -> &'static str {
-        match self {
-            ColumnType::U32 => "uint32",
-            ColumnType::U64 => "uint64",
-            ColumnType::I32 => "int32",
-            ColumnType::F32 => "float32",
-            ColumnType::F64 => "float64",
-            ColumnType::Bool => "bool",
-        }
-    }
-}
+use crate::dtype::Dtype;
 
 /// An axis of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,7 +26,7 @@ pub struct ColumnSpec {
     /// The name used in Python and messages.
     pub name: &'static str,
     /// Element type; little-endian.
-    pub dtype: ColumnType,
+    pub dtype: Dtype,
     /// The axes; none for a single number.
     pub axes: &'static [ColumnAxis],
     /// One line for documentation.
@@ -84,7 +51,7 @@ macro_rules! columns {
         pub const COLUMNS: [ColumnSpec; COLUMN_COUNT] = [$(ColumnSpec {
             column: Column::$column,
             name: $name,
-            dtype: ColumnType::$dtype,
+            dtype: Dtype::$dtype,
             axes: &[$(ColumnAxis::$axis),*],
             meaning: $meaning,
         },)*];

@@ -9,7 +9,7 @@ mod read;
 mod record;
 mod write;
 
-pub use columns::{COLUMN_COUNT, COLUMNS, Column, ColumnAxis, ColumnSpec, ColumnType};
+pub use columns::{COLUMN_COUNT, COLUMNS, Column, ColumnAxis, ColumnSpec};
 pub use record::{MAX_LAST_ACTIONS, RECORD_VERSION, RecordLayout, RecordSizes};
 
 use crate::arena::Arena;
