@@ -139,8 +139,10 @@ impl EnvGroup {
 
     /// See [`Lane::follow`](crate::Lane::follow).
     pub(crate) fn follow(&self, envs: &[usize], follower: FollowerId) -> Result<(), TooManyFollowed> {
+        // Followers of an environment share its log.
+        let more = envs.iter().filter(|env| self.lock(**env).log.is_none()).count();
         if let Some(&env) = envs.first() {
-            self.logs.check(envs.len(), self.lock(env).battle.record().len())?;
+            self.logs.check(more, self.lock(env).battle.record().len())?;
         }
         for &env in envs {
             let HostedEnv { battle, log, .. } = &mut *self.lock(env);
@@ -164,5 +166,26 @@ impl EnvGroup {
 
     pub(crate) fn read_log(&self, env: usize, follower: FollowerId, budget: &mut usize) -> Vec<EpisodePart> {
         self.lock(env).log.as_mut().map_or(Vec::new(), |log| log.read(follower, budget))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::episode_log::MAX_LOG_BYTES;
+    use smaclite_engine::{Arena, Battle, Rules};
+    use smaclite_scenarios::Scenario;
+
+    /// A second follower of the same environments was refused: it was counted as if it had logs of its own.
+    #[test]
+    fn followers_of_the_same_environments_share_their_logs() {
+        let arena = Arc::new(Arena::new(&Scenario::resolve("bane_vs_bane").unwrap(), Rules::Smaclite));
+        let state = Battle::new(Arc::clone(&arena), 0).record().len();
+        let TooManyFollowed { limit } = LogMemory::new().check(usize::MAX / 2, state).unwrap_err();
+        assert!(limit * state <= MAX_LOG_BYTES);
+        let settings = LaneSettings::new(limit / 2 + 2);
+        let group = EnvGroup::new(&LaneSpec { name: String::new(), settings, arena, team: None, hook: None });
+        let envs: Vec<usize> = (0..settings.num_envs).collect();
+        assert_eq!([1, 2].map(|follower| group.follow(&envs, FollowerId(follower))), [Ok(()); 2]);
     }
 }
