@@ -11,8 +11,9 @@ pub const FORMAT_VERSION: u32 = 5;
 /// Every block starts on a cache line, which also suits the widest vector loads and DLPack consumers.
 pub const BLOCK_ALIGN: usize = 64;
 
-/// Frames also carry error reports as text, so the frames of small lanes have room for one.
-const MIN_FRAME_BYTES: usize = 4096;
+/// Frames also carry rejections as text, so the frames of small lanes have room for the longest one: it lists
+/// all actions of the largest scenario.
+pub(crate) const MIN_FRAME_BYTES: usize = 8192;
 
 /// Offsets of all fields of a frame.
 #[derive(Clone, Debug, PartialEq)]
