@@ -1,6 +1,7 @@
 //! The files that killed pools and learners left behind: counting and removing them.
 
 use crate::control::client::running_pools;
+use crate::error::remedy_at;
 use crate::os::NameLock;
 use crate::runtime_dir::RuntimeDir;
 use crate::services::{IpcError, open_node};
@@ -18,10 +19,11 @@ pub struct CleanReport {
 
 /// Why left-over files could not be removed.
 #[derive(Debug, thiserror::Error)]
-#[error(transparent)]
 #[allow(missing_docs)] // the messages say it
 pub enum CleanError {
-    Io(#[from] std::io::Error),
+    #[error("{source}{remedy}")]
+    Io { source: std::io::Error, remedy: String },
+    #[error(transparent)]
     Ipc(#[from] IpcError),
 }
 
@@ -31,12 +33,13 @@ pub enum CleanError {
 /// # Errors
 /// If files or iceoryx2 cannot be read.
 pub fn clean(runtime_dir: &RuntimeDir) -> Result<CleanReport, CleanError> {
+    let failed = |source| CleanError::Io { remedy: remedy_at(&source, runtime_dir), source };
     let before = count_files(runtime_dir);
     for name in runtime_dir.stale_names() {
         // The owner of a lock removes the pool's files when it releases the lock; a running pool keeps it.
-        drop(NameLock::try_take(runtime_dir, &name)?);
+        drop(NameLock::try_take(runtime_dir, &name).map_err(failed)?);
     }
-    runtime_dir.remove_stale()?;
+    runtime_dir.remove_stale().map_err(failed)?;
     if !runtime_dir.shm_dirs().is_empty() {
         // Other processes use the directory: a new node makes iceoryx2 remove the files of the dead ones.
         drop(open_node(runtime_dir, "clean")?);

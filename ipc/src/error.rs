@@ -4,6 +4,7 @@
 use crate::os::shortage;
 use crate::runtime_dir::RuntimeDir;
 use std::error::Error;
+use std::io::ErrorKind;
 
 /// An error of iceoryx2, with what was being done and its likely cause.
 #[derive(Debug, thiserror::Error)]
@@ -46,7 +47,14 @@ fn full(runtime_dir: &RuntimeDir) -> Option<String> {
 
 /// As [`remedy`], for a file in the runtime folder.
 pub(crate) fn remedy_at(error: &std::io::Error, runtime_dir: &RuntimeDir) -> String {
-    full(runtime_dir).map_or_else(|| remedy(error), |full| format!("; {full}"))
+    if let Some(full) = full(runtime_dir) {
+        return format!("; {full}");
+    }
+    if error.kind() == ErrorKind::PermissionDenied {
+        let root = runtime_dir.root().display();
+        return format!("; this user must be able to write to {root}: `chmod u+rwx {root}`");
+    }
+    remedy(error)
 }
 
 /// The remedy for an error of the operating system, as the end of a message; empty if there is none.

@@ -1,7 +1,7 @@
 //! Settings that are refused before anything starts, and clients without access or without a pool.
 
 use crate::assert_contains;
-use smaclite_tests::process::{role_command, run_to_end};
+use smaclite_tests::process::{can_launch, role_command, run_to_end};
 use smaclite_tests::{Child, LanePlan, PoolPlan, TestDir, skip};
 use std::os::unix::fs::PermissionsExt;
 
@@ -65,6 +65,22 @@ fn an_error_names_too_few_file_descriptors_as_its_cause() {
         assert_contains(&error, &["file descriptors are open, and the limit is", "`ulimit -n`"]);
         assert!(!error.contains("Os {"), "{error}");
     }
+}
+
+/// The error was "Read-only file system", without a remedy.
+#[test]
+fn a_folder_that_cannot_be_cleaned_says_what_to_do() {
+    let dir = TestDir::new();
+    let root = dir.root().display();
+    let mount =
+        format!("mount --bind {root} {root} && mount -o remount,bind,ro {root} && exec \"$0\" \"$@\"");
+    let launcher = ["unshare", "-m", "sh", "-c", &mount];
+    if !can_launch(&launcher) {
+        return skip("no mount namespace is permitted here");
+    }
+    let (status, error) = program(&dir, &launcher, "clean");
+    assert_eq!(status, Some(1), "{error}");
+    assert_contains(&error, &["is on a read-only file system: mount it writable"]);
 }
 
 /// SIGXFSZ ended the program without a word.
