@@ -313,8 +313,8 @@ impl Envs {
     ///     InvalidRequest: fewer than M results are outstanding, so no batch would arrive.
     ///     Timeout: the batch did not arrive in time.
     ///     TooManyBatchesHeld: `max_held_batches` batches are in use.
-    ///     PoolError: batches were lost because this process did not receive them in time, or sent many
-    ///         requests that were refused before it received; reset all environments.
+    ///     PoolError: batches were lost because this process did not receive them in time; reset all
+    ///         environments.
     ///     PoolDied: the pool has ended.
     ///     LaneFailed: the lane failed.
     #[pyo3(signature = (timeout=None))]

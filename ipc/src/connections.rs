@@ -5,6 +5,7 @@
 
 use crate::connection_failures::{Failures, not_connected};
 use crate::error::{IpcError, cause};
+use crate::refusals::Refusals;
 use crate::services::{FramePublisher, IpcNotifier, RequestSubscriber};
 use iceoryx2::port::update_connections::UpdateConnections;
 use iceoryx2::prelude::CallbackProgression;
@@ -42,6 +43,7 @@ pub(crate) struct LanePorts {
     pub(crate) frames: Arc<FramePublisher>,
     pub(crate) notifier: Arc<IpcNotifier>,
     pub(crate) failures: Failures,
+    pub(crate) refusals: Refusals,
 }
 
 impl LanePorts {

@@ -46,6 +46,7 @@ mod lane_scenario;
 mod name;
 mod os;
 mod process_owned;
+mod refusals;
 mod runtime_dir;
 mod services;
 mod spectator;

@@ -5,6 +5,7 @@
 #![allow(unsafe_code)]
 
 use crate::os::variant::PoolService;
+use crate::refusals::Refusals;
 use crate::services::{
     FrameLoan, FramePublisher, IpcError, IpcListener, IpcNotifier, RequestSubscriber, doing,
 };
@@ -80,6 +81,7 @@ pub(crate) struct FrameOutlet {
     pub(crate) publisher: Arc<FramePublisher>,
     pub(crate) notifier: Arc<IpcNotifier>,
     pub(crate) layout: Arc<Layout>,
+    pub(crate) refusals: Refusals,
     pub(crate) sequence: u64,
 }
 
@@ -104,6 +106,11 @@ unsafe impl Outlet for FrameOutlet {
     }
 
     fn publish(&mut self, mut loan: FrameLoan, epoch: Option<Epoch>, content: FrameContent) {
+        if let FrameContent::Rejection { request: Some(request), len } = content
+            && !self.refusals.is_first(epoch, request, &Self::payload(&mut loan)[..len])
+        {
+            return;
+        }
         self.sequence += 1;
         let (rejection_len, request) = match content {
             FrameContent::Batch => (0, 0),

@@ -40,3 +40,36 @@ fn wrong_actions_are_named_and_nothing_is_stepped() {
     learner.send_to(&[1, 2, 3]).expect("sent");
     (0..2).for_each(|_| drop(learner.recv(TIMEOUT).expect("the first step of each, as in the reference")));
 }
+
+/// Each refusal took a place in the learner's queue, from which the fourth pushed the batch.
+#[test]
+fn refusals_that_are_read_late_push_out_no_batch() {
+    let dir = TestDir::new();
+    let _supervisor = dir.start(&PoolPlan::new([LanePlan { batch_size: 4, ..LanePlan::new("3m", 8) }]));
+    let mut client = dir.client();
+    let wait = || WaitOptions { timeout: Some(TIMEOUT), ..WaitOptions::forever() };
+    for round in 0..3 {
+        client.send(Order::reset(None), None, wait()).expect("sent");
+        let mut envs = client.recv(wait()).expect("a batch").env_id().to_vec();
+        drop(client.recv(wait()).expect("a batch"));
+        client.send(Order::Step(&[1; 12]), Some(&envs), wait()).expect("sent");
+        let others: Vec<i32> = (0..8).filter(|env| !envs.contains(env)).collect();
+        for env in &others {
+            client.send(Order::Step(&[6; 3]), Some(&[*env]), wait()).expect("the lane refuses it later");
+        }
+        assert!(
+            smaclite_tests::process::eventually(|| dir.status().lanes[0].stats.rejected == 4 * round + 4)
+        );
+        let first = client.recv(wait()).expect("it was complete before anything was refused");
+        envs.sort_unstable();
+        let mut received = first.env_id().to_vec();
+        received.sort_unstable();
+        assert_eq!(received, envs);
+        for env in &others {
+            let refused = client.recv(wait()).expect_err("no enemy is near").to_string();
+            assert_contains(&refused, &[&format!("environment {env}, agent 0: action 6 is not available")]);
+        }
+        client.send(Order::Step(&[1; 12]), Some(&others), wait()).expect("they are free");
+        client.recv(wait()).expect("a batch");
+    }
+}

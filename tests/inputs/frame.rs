@@ -71,7 +71,12 @@ fn read_response(line: &[u8]) {
         }
         Ok(ControlResponse::Refused(refusal)) => drop(refusal.to_string()),
         // The states in `Episodes` are records, which `snapshot` reads.
-        Ok(ControlResponse::Connected | ControlResponse::Status(_) | ControlResponse::Episodes { .. })
+        Ok(
+            ControlResponse::Connected
+            | ControlResponse::Status(_)
+            | ControlResponse::Episodes { .. }
+            | ControlResponse::Refusals { .. },
+        )
         | Err(_) => {}
     }
 }

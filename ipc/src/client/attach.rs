@@ -104,6 +104,7 @@ impl Client {
             lost: None,
             outstanding: Outstanding::new(&description.settings),
             refused: VecDeque::new(),
+            may_be_more: false,
             sampler: Sampler::new(description.settings.seed),
             newest: None,
             polling: strategy.polling(description.threads),

@@ -103,8 +103,7 @@ pub enum ClientError {
     #[error("actions are sampled by `enemy_avail_actions` too, which this lane leaves out of its batches")]
     NoEnemyMasks,
     #[error(
-        "frames {first} to {last} were lost: this process did not read them in time, or sent many requests \
-         that were refused before it received; reset all environments"
+        "frames {first} to {last} were lost: this process did not read them in time; reset all environments"
     )]
     FramesLost { first: u64, last: u64 },
     #[error("this client belongs to process {owner}; a forked process must open its own connection")]

@@ -116,8 +116,10 @@ struct AttachedLane {
     /// Of the last frame of this epoch.
     sequence: Option<u64>,
     outstanding: Outstanding,
-    /// Requests that this thread ordered in vain.
+    /// Requests that were refused, which `recv` is still to report.
     refused: VecDeque<(RequestNumber, Rejection)>,
+    /// The pool, in another process, may keep more of them.
+    may_be_more: bool,
     sampler: Sampler,
     /// The batch that was received last, which actions are sampled by.
     newest: Option<Arc<Batch>>,

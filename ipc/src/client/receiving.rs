@@ -4,6 +4,7 @@ use super::AttachedLane;
 use super::error::ClientError;
 use crate::CHECK_INTERVAL;
 use crate::batch::Batch;
+use crate::control::protocol::{ControlError, ControlRequest, ControlResponse};
 use crate::services::{FrameSample, doing};
 use crate::wait_options::WaitOptions;
 use crate::wire::{ReceivedFrame, frames_lost, read_frame};
@@ -108,10 +109,11 @@ impl AttachedLane {
         if let Some((first, last)) = self.lost {
             return Err(ClientError::FramesLost { first, last }); // their environments stay busy
         }
-        while let Some((request, rejection)) = self.refused.pop_front() {
-            self.reject(Some(request), rejection)?;
-        }
-        while let Some(sample) = self.receive_any()? {
+        loop {
+            while let Some((request, rejection)) = self.next_refused()? {
+                self.reject(Some(request), rejection)?;
+            }
+            let Some(sample) = self.receive_any()? else { return Ok(None) };
             let header = *sample.user_header();
             let Epoch { session, reset } = header.epoch();
             let frame = match read_frame(&header, sample.payload(), &self.layout) {
@@ -129,10 +131,29 @@ impl AttachedLane {
             match frame {
                 ReceivedFrame::Batch if is_present => return Ok(Some(sample)),
                 ReceivedFrame::Batch => {} // of an epoch that is over
-                ReceivedFrame::Rejection { request, rejection } => self.reject(request, rejection)?,
+                ReceivedFrame::Rejection { request: Some(request), rejection } => {
+                    self.refused.push_back((request, rejection));
+                    self.may_be_more = true;
+                }
+                ReceivedFrame::Rejection { request: None, rejection } => self.reject(None, rejection)?,
             }
         }
-        Ok(None)
+    }
+
+    /// The next request that was refused. One refusal arrives as a frame, and those after it at once, on the
+    /// control socket.
+    fn next_refused(&mut self) -> Result<Option<(RequestNumber, Rejection)>, ClientError> {
+        while self.may_be_more {
+            let response = self.control.repeat(&ControlRequest::ReadRefusals, WaitOptions::for_response());
+            let (response, is_late) = response.map_err(ClientError::of_socket)?;
+            let ControlResponse::Refusals { refusals } = response else {
+                return Err(ControlError::unexpected(&response).into());
+            };
+            let refusals = refusals.into_iter();
+            self.refused.extend(refusals.map(|refusal| (RequestNumber(refusal.request), refusal.rejection)));
+            self.may_be_more = is_late;
+        }
+        Ok(self.refused.pop_front())
     }
 
     /// The next frame of any session.

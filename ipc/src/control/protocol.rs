@@ -3,6 +3,7 @@
 
 use crate::capacity::Capacity;
 pub use crate::connections::PeerPorts;
+pub use crate::refusals::Refusal;
 use serde::{Deserialize, Serialize};
 use smaclite_engine::{Faction, Opponents, Rewards, Sides, Sizes};
 use smaclite_pool::fields::FIELDS;
@@ -12,7 +13,7 @@ use smaclite_scenarios::ScenarioFiles;
 
 /// Increased whenever a request or response changes, what is played again from it, or how services are
 /// opened.
-pub const PROTOCOL_VERSION: u32 = 10;
+pub const PROTOCOL_VERSION: u32 = 11;
 
 /// The release of this program.
 pub const RELEASE: &str = env!("CARGO_PKG_VERSION");
@@ -94,6 +95,8 @@ pub enum ControlRequest {
     },
     /// What the followed environments did since the last such request of this connection, or a piece of it.
     ReadEpisodes,
+    /// Of a learner that has received a refusal as a frame: those that came after it.
+    ReadRefusals,
 }
 
 /// A part of an episode as the socket carries it ([`EpisodePart`](smaclite_pool::EpisodePart)).
@@ -143,6 +146,11 @@ pub enum ControlResponse {
         parts: Vec<EpisodeMessage>,
         /// There is more: the request is to be repeated.
         more: bool,
+    },
+    /// To [`ControlRequest::ReadRefusals`].
+    Refusals {
+        /// In the order of the requests.
+        refusals: Vec<Refusal>,
     },
     /// To any request that was refused.
     Refused(ControlError),

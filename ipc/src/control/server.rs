@@ -266,6 +266,12 @@ impl ControlServer {
             ControlRequest::Scenario { lane } => self.scenario(lane),
             ControlRequest::Follow { lane, env_ids } => self.follow(connection, lane, env_ids),
             ControlRequest::ReadEpisodes => self.read_episodes(connection),
+            ControlRequest::ReadRefusals => match connection.role {
+                Role::Learner(index) => {
+                    Ok(ControlResponse::Refusals { refusals: self.ports[index].refusals.take() })
+                }
+                _ => Err(ControlError::Malformed { what: "only a learner has requests".to_owned() }),
+            },
         }
     }
 

@@ -19,6 +19,7 @@ use crate::control::server::ControlServer;
 use crate::os::NameLock;
 use crate::os::memory::reserve_segments;
 use crate::process_owned::ProcessOwned;
+use crate::refusals::Refusals;
 use crate::runtime_dir::RuntimeDir;
 use crate::services::{Ipc, LaneServices, WorkEvent, open_node};
 use crate::transport::{FrameOutlet, Iceoryx, RequestInlet, WorkBell};
@@ -177,7 +178,7 @@ fn start_pool(
         let capacity = description.capacity;
         let layout = Arc::new(spec.layout());
         let lane = LaneServices::create(node, instance, &spec.name, capacity)?;
-        let failures = Failures::default();
+        let (failures, refusals) = (Failures::default(), Refusals::new(spec.settings.num_envs));
         let subscriber = Arc::new(lane.request_subscriber(&failures)?);
         let publisher = Arc::new(lane.frame_publisher(&layout, capacity, &failures)?);
         let notifier = Arc::new(lane.frame_notifier()?);
@@ -186,9 +187,10 @@ fn start_pool(
             frames: Arc::clone(&publisher),
             notifier: Arc::clone(&notifier),
             failures,
+            refusals: refusals.clone(),
         });
         let inlet = RequestInlet { subscriber, layout: Arc::clone(&layout) };
-        parts.push((spec, inlet, FrameOutlet { publisher, notifier, layout, sequence: 0 }));
+        parts.push((spec, inlet, FrameOutlet { publisher, notifier, layout, refusals, sequence: 0 }));
         services.push(lane);
     }
     let pool = Pool::start(parts, bell, options)?;
