@@ -2,75 +2,39 @@
 //! lacks.
 
 use smaclite_scenarios::{Faction, Scenario, ScenarioFiles, Terrain};
+use smaclite_units::Keyword;
 
-/// name, allies and enemies by type, attack point, one-hot types by id, shields (ally, enemy), step limit
-type Row = (&'static str, &'static str, &'static str, [f64; 2], &'static str, (bool, bool), u32);
+/// Name, allies and enemies by type, attack point, one-hot types by id, who has shields, step limit, terrain
+/// (`own` is no preset), and the faction of unit 0 (A or E).
+const SCENARIOS: &str = "
+10m_vs_11m|10 MARINE|11 MARINE|9 16|-|-|150|SIMPLE|A
+1c3s5z|1 COLOSSUS 3 STALKER 5 ZEALOT|same|9 16|COLOSSUS STALKER ZEALOT|both|180|SIMPLE|A
+25m|25 MARINE|same|9 16|-|-|150|SIMPLE|A
+27m_vs_30m|27 MARINE|30 MARINE|9 16|-|-|180|SIMPLE|A
+2c_vs_64zg|2 COLOSSUS|64 ZERGLING|16 16|-|ALLY|400|RAVINE|A
+2m_vs_1z|2 MARINE|1 ZEALOT|16 12|-|ENEMY|150|OCTAGON|A
+2s3z|2 STALKER 3 ZEALOT|same|9 16|STALKER ZEALOT|both|120|SIMPLE|A
+2s_vs_1sc|2 STALKER|1 SPINE_CRAWLER|13.92 20.04|-|ALLY|300|PENTAGON|E
+3m|3 MARINE|same|9 16|-|-|60|SIMPLE|A
+3s5z|3 STALKER 5 ZEALOT|same|9 16|STALKER ZEALOT|both|150|SIMPLE|A
+3s5z_vs_3s6z|3 STALKER 5 ZEALOT|3 STALKER 6 ZEALOT|9 16|STALKER ZEALOT|both|170|SIMPLE|A
+3s_vs_3z|3 STALKER|3 ZEALOT|9 16|-|both|150|ALL_GREEN|A
+3s_vs_4z|3 STALKER|4 ZEALOT|9 16|-|both|200|ALL_GREEN|A
+3s_vs_5z|3 STALKER|5 ZEALOT|9 16|-|both|250|ALL_GREEN|A
+5m_vs_6m|5 MARINE|6 MARINE|9 16|-|-|70|SIMPLE|A
+6h_vs_8z|6 HYDRALISK|8 ZEALOT|14.6 9.49|-|ENEMY|150|own|A
+8m|8 MARINE|same|9 16|-|-|120|SIMPLE|A
+8m_vs_9m|8 MARINE|9 MARINE|9 16|-|-|120|SIMPLE|A
+bane_vs_bane|20 ZERGLING 4 BANELING|4 BANELING 20 ZERGLING|16 8|BANELING ZERGLING|-|200|OCTAGON|E
+corridor|6 ZEALOT|24 ZERGLING|4.47 4.33|-|ALLY|400|CORRIDOR|E
+MMM|1 MEDIVAC 7 MARINE 2 MARAUDER|same|9 16|MARAUDER MARINE MEDIVAC|-|150|SIMPLE|A
+MMM2|1 MEDIVAC 7 MARINE 2 MARAUDER|1 MEDIVAC 8 MARINE 3 MARAUDER|9 16|MARAUDER MARINE MEDIVAC|-|180|SIMPLE|A
+so_many_baneling|7 ZEALOT|32 BANELING|4.47 4.33|-|ALLY|100|own|A";
 
-const SCENARIOS: [Row; 23] = [
-    ("10m_vs_11m", "10 MARINE", "11 MARINE", [9.0, 16.0], "", (false, false), 150),
-    (
-        "1c3s5z",
-        "1 COLOSSUS 3 STALKER 5 ZEALOT",
-        "1 COLOSSUS 3 STALKER 5 ZEALOT",
-        [9.0, 16.0],
-        "COLOSSUS STALKER ZEALOT",
-        (true, true),
-        180,
-    ),
-    ("25m", "25 MARINE", "25 MARINE", [9.0, 16.0], "", (false, false), 150),
-    ("27m_vs_30m", "27 MARINE", "30 MARINE", [9.0, 16.0], "", (false, false), 180),
-    ("2c_vs_64zg", "2 COLOSSUS", "64 ZERGLING", [16.0, 16.0], "", (true, false), 400),
-    ("2m_vs_1z", "2 MARINE", "1 ZEALOT", [16.0, 12.0], "", (false, true), 150),
-    ("2s3z", "2 STALKER 3 ZEALOT", "2 STALKER 3 ZEALOT", [9.0, 16.0], "STALKER ZEALOT", (true, true), 120),
-    ("2s_vs_1sc", "2 STALKER", "1 SPINE_CRAWLER", [13.92, 20.04], "", (true, false), 300),
-    ("3m", "3 MARINE", "3 MARINE", [9.0, 16.0], "", (false, false), 60),
-    ("3s5z", "3 STALKER 5 ZEALOT", "3 STALKER 5 ZEALOT", [9.0, 16.0], "STALKER ZEALOT", (true, true), 150),
-    (
-        "3s5z_vs_3s6z",
-        "3 STALKER 5 ZEALOT",
-        "3 STALKER 6 ZEALOT",
-        [9.0, 16.0],
-        "STALKER ZEALOT",
-        (true, true),
-        170,
-    ),
-    ("3s_vs_3z", "3 STALKER", "3 ZEALOT", [9.0, 16.0], "", (true, true), 150),
-    ("3s_vs_4z", "3 STALKER", "4 ZEALOT", [9.0, 16.0], "", (true, true), 200),
-    ("3s_vs_5z", "3 STALKER", "5 ZEALOT", [9.0, 16.0], "", (true, true), 250),
-    ("5m_vs_6m", "5 MARINE", "6 MARINE", [9.0, 16.0], "", (false, false), 70),
-    ("6h_vs_8z", "6 HYDRALISK", "8 ZEALOT", [14.6, 9.49], "", (false, true), 150),
-    ("8m", "8 MARINE", "8 MARINE", [9.0, 16.0], "", (false, false), 120),
-    ("8m_vs_9m", "8 MARINE", "9 MARINE", [9.0, 16.0], "", (false, false), 120),
-    (
-        "bane_vs_bane",
-        "20 ZERGLING 4 BANELING",
-        "4 BANELING 20 ZERGLING",
-        [16.0, 8.0],
-        "BANELING ZERGLING",
-        (false, false),
-        200,
-    ),
-    ("corridor", "6 ZEALOT", "24 ZERGLING", [4.47, 4.33], "", (true, false), 400),
-    (
-        "MMM",
-        "1 MEDIVAC 7 MARINE 2 MARAUDER",
-        "1 MEDIVAC 7 MARINE 2 MARAUDER",
-        [9.0, 16.0],
-        "MARAUDER MARINE MEDIVAC",
-        (false, false),
-        150,
-    ),
-    (
-        "MMM2",
-        "1 MEDIVAC 7 MARINE 2 MARAUDER",
-        "1 MEDIVAC 8 MARINE 3 MARAUDER",
-        [9.0, 16.0],
-        "MARAUDER MARINE MEDIVAC",
-        (false, false),
-        180,
-    ),
-    ("so_many_baneling", "7 ZEALOT", "32 BANELING", [4.47, 4.33], "", (true, false), 100),
-];
+fn rows() -> impl Iterator<Item = [&'static str; 9]> {
+    let columns = |row: &'static str| row.split('|').collect::<Vec<_>>().try_into();
+    SCENARIOS.trim_start().lines().map(move |row| columns(row).expect("nine columns"))
+}
 
 /// `2 STALKER 3 ZEALOT`: the units of a faction in id order, as runs of one type with their lengths.
 fn side(scenario: &Scenario, faction: Faction) -> String {
@@ -91,102 +55,59 @@ fn types_by_id(scenario: &Scenario) -> String {
         let index = scenario.type_ids.iter().position(|known| *known == id).unwrap();
         scenario.unit_types[index].name.as_str()
     };
-    (0..scenario.num_unit_types).map(name).collect::<Vec<_>>().join(" ")
+    let names: Vec<&str> = (0..scenario.num_unit_types).map(name).collect();
+    if names.is_empty() { "-".to_owned() } else { names.join(" ") }
 }
 
 #[test]
 fn contents_of_every_scenario() {
-    assert!(Scenario::standard_names().eq(SCENARIOS.iter().map(|row| row.0)));
-    for (name, allies, enemies, attack_point, types, shields, limit) in SCENARIOS {
+    assert!(Scenario::standard_names().eq(rows().map(|row| row[0])));
+    for [name, allies, enemies, attack_point, types, shields, limit, terrain, first] in rows() {
         let scenario = Scenario::standard(name).unwrap_or_else(|| panic!("{name} must be readable"));
         assert_eq!(scenario.name, name);
         assert_eq!(side(&scenario, Faction::Ally), allies, "{name}");
-        assert_eq!(side(&scenario, Faction::Enemy), enemies, "{name}");
+        assert_eq!(
+            side(&scenario, Faction::Enemy),
+            if enemies == "same" { allies } else { enemies },
+            "{name}"
+        );
         assert_eq!(scenario.n_agents() + scenario.n_enemies(), scenario.units.len(), "{name}");
-        assert_eq!(scenario.attack_point, attack_point, "{name}");
+        assert_eq!(scenario.attack_point.map(|x| x.to_string()).join(" "), attack_point, "{name}");
         assert_eq!(types_by_id(&scenario), types, "{name}");
-        assert_eq!((scenario.ally_has_shields, scenario.enemy_has_shields), shields, "{name}");
-        assert_eq!(scenario.episode_limit, Some(limit), "{name}");
+        let has_shields = match (scenario.ally_has_shields, scenario.enemy_has_shields) {
+            (true, true) => "both",
+            (true, false) => "ALLY",
+            (false, true) => "ENEMY",
+            (false, false) => "-",
+        };
+        assert_eq!(has_shields, shields, "{name}");
+        assert_eq!(scenario.episode_limit.map(|limit| limit.to_string()).as_deref(), Some(limit), "{name}");
+        assert_eq!(scenario.units[0].faction.name()[..1], *first, "{name}");
         assert_eq!((scenario.terrain.width(), scenario.terrain.height()), (32, 32), "{name}");
-    }
-}
-
-#[test]
-fn terrain_and_group_order_of_every_scenario() {
-    let expected = [
-        ("10m_vs_11m", "SIMPLE", Faction::Ally),
-        ("1c3s5z", "SIMPLE", Faction::Ally),
-        ("25m", "SIMPLE", Faction::Ally),
-        ("27m_vs_30m", "SIMPLE", Faction::Ally),
-        ("2c_vs_64zg", "RAVINE", Faction::Ally),
-        ("2m_vs_1z", "OCTAGON", Faction::Ally),
-        ("2s3z", "SIMPLE", Faction::Ally),
-        ("2s_vs_1sc", "PENTAGON", Faction::Enemy),
-        ("3m", "SIMPLE", Faction::Ally),
-        ("3s5z", "SIMPLE", Faction::Ally),
-        ("3s5z_vs_3s6z", "SIMPLE", Faction::Ally),
-        ("3s_vs_3z", "ALL_GREEN", Faction::Ally),
-        ("3s_vs_4z", "ALL_GREEN", Faction::Ally),
-        ("3s_vs_5z", "ALL_GREEN", Faction::Ally),
-        ("5m_vs_6m", "SIMPLE", Faction::Ally),
-        ("8m", "SIMPLE", Faction::Ally),
-        ("8m_vs_9m", "SIMPLE", Faction::Ally),
-        ("bane_vs_bane", "OCTAGON", Faction::Enemy),
-        ("corridor", "CORRIDOR", Faction::Enemy),
-        ("MMM", "SIMPLE", Faction::Ally),
-        ("MMM2", "SIMPLE", Faction::Ally),
-    ];
-    for (name, terrain, first) in expected {
-        let scenario = Scenario::standard(name).unwrap();
-        assert_eq!(Some(scenario.terrain), Terrain::preset(terrain), "{name}");
-        assert_eq!(scenario.units[0].faction, first, "{name}");
-    }
-    for name in ["6h_vs_8z", "so_many_baneling"] {
-        assert_eq!(Scenario::standard(name).unwrap().units[0].faction, Faction::Ally, "{name}");
+        let preset = Terrain::preset_names()
+            .find(|preset| Terrain::preset(preset).as_ref() == Some(&scenario.terrain));
+        assert_eq!(preset.unwrap_or("own"), terrain, "{name}");
     }
 }
 
 #[test]
 fn rows_of_the_terrains_that_are_no_presets() {
     // First and last row, and the walkable range of each of them; all other rows are blocked.
-    let hydralisks: &[(i64, i64, [i64; 2])] = &[
-        (7, 7, [10, 20]),
-        (8, 8, [9, 21]),
-        (9, 9, [8, 22]),
-        (10, 17, [7, 23]),
-        (18, 18, [8, 22]),
-        (19, 19, [9, 21]),
-        (20, 20, [10, 20]),
-    ];
-    let banelings: &[(i64, i64, [i64; 2])] = &[
-        (1, 1, [2, 8]),
-        (2, 2, [1, 9]),
-        (3, 3, [1, 12]),
-        (4, 6, [1, 13]),
-        (7, 7, [1, 16]),
-        (8, 8, [2, 17]),
-        (9, 10, [3, 17]),
-        (11, 11, [3, 20]),
-        (12, 12, [4, 21]),
-        (13, 15, [7, 21]),
-        (16, 16, [8, 21]),
-        (17, 17, [9, 26]),
-        (18, 18, [10, 27]),
-        (19, 20, [13, 27]),
-        (21, 21, [13, 30]),
-        (22, 22, [14, 31]),
-        (23, 23, [15, 31]),
-        (24, 24, [16, 31]),
-        (25, 27, [19, 31]),
-        (28, 28, [20, 31]),
-        (29, 29, [21, 31]),
-        (30, 30, [22, 30]),
-    ];
+    let hydralisks = "7-7 10-20, 8-8 9-21, 9-9 8-22, 10-17 7-23, 18-18 8-22, 19-19 9-21, 20-20 10-20";
+    let banelings = "1-1 2-8, 2-2 1-9, 3-3 1-12, 4-6 1-13, 7-7 1-16, 8-8 2-17, 9-10 3-17, 11-11 3-20, 12-12 \
+        4-21, 13-15 7-21, 16-16 8-21, 17-17 9-26, 18-18 10-27, 19-20 13-27, 21-21 13-30, 22-22 \
+        14-31, 23-23 15-31, 24-24 16-31, 25-27 19-31, 28-28 20-31, 29-29 21-31, 30-30 22-30";
+    let range = |text: &str| -> [i64; 2] {
+        let (first, last) = text.split_once('-').expect("a range");
+        [first, last].map(|number| number.parse().expect("a number"))
+    };
     for (name, rows) in [("6h_vs_8z", hydralisks), ("so_many_baneling", banelings)] {
         let terrain = Scenario::standard(name).unwrap().terrain;
+        let rows: Vec<_> =
+            rows.split(", ").map(|row| row.split_once(' ').expect("rows and their range")).collect();
         for y in 0..32 {
-            let row = rows.iter().find(|(first, last, _)| (*first..=*last).contains(&y));
-            let expected: Vec<_> = row.map(|(.., range)| *range).into_iter().collect();
+            let is_row = |(rows, _): &&(&str, &str)| (range(rows)[0]..=range(rows)[1]).contains(&y);
+            let expected: Vec<_> = rows.iter().find(is_row).map(|(_, x)| range(x)).into_iter().collect();
             assert_eq!(walkable(&terrain, y), expected, "{name}, y = {y}");
         }
     }
