@@ -92,33 +92,35 @@ impl Batch {
 
     /// The numbers of a float field: in place, or a copy of the array that replaced them.
     pub fn floats(&self, py: Python<'_>, field: Field) -> PyResult<Cow<'_, [f32]>> {
-        let (name, shape) = (field.spec().name, self.shape(field));
-        match self.replacement(py, name)? {
-            Some(array) => Ok(Cow::Owned(float32_array(name, &array, &shape)?.to_vec()?)),
-            None => self.received_field(field),
-        }
+        self.elements(py, field, |name, array, shape| Ok(float32_array(name, array, shape)?.to_vec()?))
     }
 
     /// As [`floats`](Self::floats), the bytes of a bool field.
     pub fn flags(&self, py: Python<'_>, field: Field) -> PyResult<Cow<'_, [u8]>> {
-        let (name, shape) = (field.spec().name, self.shape(field));
-        match self.replacement(py, name)? {
-            Some(array) => Ok(Cow::Owned(bool_array(name, &array, &shape)?.as_slice()?.to_vec())),
-            None => self.received_field(field),
-        }
+        self.elements(py, field, |name, array, shape| {
+            Ok(bool_array(name, array, shape)?.as_slice()?.to_vec())
+        })
     }
 
     /// As [`floats`](Self::floats), the ids of the environments.
     pub fn env_id(&self, py: Python<'_>) -> PyResult<Cow<'_, [i32]>> {
-        let (name, shape) = (Field::EnvId.spec().name, self.shape(Field::EnvId));
-        match self.replacement(py, name)? {
-            Some(array) => Ok(Cow::Owned(int32_array(name, &array, &shape)?.as_slice()?.to_vec())),
-            None => self.received_field(Field::EnvId),
-        }
+        self.elements(py, Field::EnvId, |name, array, shape| {
+            Ok(int32_array(name, array, shape)?.as_slice()?.to_vec())
+        })
     }
 
-    fn received_field<T: Element + Clone>(&self, field: Field) -> PyResult<Cow<'_, [T]>> {
-        self.received.field(field).map(Cow::Borrowed).ok_or_else(|| missing_field_error(field))
+    /// A field in place, or what `read` makes of the array that replaced it.
+    fn elements<T: Element + Clone>(
+        &self,
+        py: Python<'_>,
+        field: Field,
+        read: impl FnOnce(&str, &Bound<'_, PyAny>, &[Option<usize>]) -> PyResult<Vec<T>>,
+    ) -> PyResult<Cow<'_, [T]>> {
+        let name = field.spec().name;
+        match self.replacement(py, name)? {
+            Some(array) => Ok(Cow::Owned(read(name, &array, &self.shape(field))?)),
+            None => self.received.field(field).map(Cow::Borrowed).ok_or_else(|| missing_field_error(field)),
+        }
     }
 
     fn shape(&self, field: Field) -> Vec<Option<usize>> {

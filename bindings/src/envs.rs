@@ -218,7 +218,7 @@ impl Envs {
         let arguments = self.reset_arguments(seed, env_id, levels, snapshots)?;
         let (order, ids) = (arguments.order(), arguments.ids());
         let mut guard = self.shared.try_lock()?;
-        let client = guard.for_reset();
+        let client = guard.sent();
         let batch = wait_detached(py, timeout, |wait| client.request(order, ids, wait)).map(Batch::new)?;
         guard.hand_over(py, batch)
     }
@@ -251,10 +251,8 @@ impl Envs {
         unknown: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Batch> {
         refuse_keywords(Place::Step, "step", unknown, &["actions", "env_id", "timeout"])?;
-        let none = py.None().into_bound(py);
-        let actions = actions.unwrap_or(&none);
         let timeout = to_duration(timeout)?;
-        let (actions, ids) = self.step_arguments(actions, env_id)?;
+        let (actions, ids) = self.step_arguments(py, actions, env_id)?;
         let ids = ids.as_ref().map(Int32Array::as_slice).transpose()?;
         let mut guard = self.shared.try_lock()?;
         guard.check_is_answered(ids)?;
@@ -293,9 +291,7 @@ impl Envs {
         unknown: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<()> {
         refuse_keywords(Place::Step, "send", unknown, &["actions", "env_id"])?;
-        let none = py.None().into_bound(py);
-        let actions = actions.unwrap_or(&none);
-        let (actions, ids) = self.step_arguments(actions, env_id)?;
+        let (actions, ids) = self.step_arguments(py, actions, env_id)?;
         let ids = ids.as_ref().map(Int32Array::as_slice).transpose()?;
         let mut guard = self.shared.try_lock()?;
         begin_step(py, guard.client(), actions, ids)?;

@@ -75,7 +75,8 @@ impl Envs {
     /// Converts the arguments of `step` and `send`.
     pub(super) fn step_arguments<'py>(
         &self,
-        actions: &Bound<'py, PyAny>,
+        py: Python<'py>,
+        actions: Option<&Bound<'py, PyAny>>,
         env_id: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<(Actions<'py>, Option<Int32Array<'py>>)> {
         let ids = self.env_ids(env_id)?;
@@ -83,7 +84,8 @@ impl Envs {
             require_envs(ids.as_slice()?)?;
         }
         let n_envs = self.request_size(ids.as_ref());
-        let actions = arrays::actions(actions, n_envs, self.description.sizes.n_actors())?;
+        let none = py.None().into_bound(py);
+        let actions = arrays::actions(actions.unwrap_or(&none), n_envs, self.description.sizes.n_actors())?;
         Ok((actions, ids))
     }
 }

@@ -90,7 +90,8 @@ impl ClientGuard<'_> {
         }
     }
 
-    /// The client, which has sent a request.
+    /// The client, which has sent a request or is to send a reset: what is kept of a synchronous lane is
+    /// over.
     pub(super) fn sent(&mut self) -> &mut Client {
         let attached = self.attached();
         if attached.client.description().settings.is_synchronous() {
@@ -119,14 +120,5 @@ impl ClientGuard<'_> {
         kept.push_back(batch);
         check_interrupts(py)?;
         Ok(kept.pop_front().expect("one was added"))
-    }
-
-    /// The client, which sends a reset.
-    pub(super) fn for_reset(&mut self) -> &mut Client {
-        let attached = self.attached();
-        if attached.client.description().settings.is_synchronous() {
-            attached.kept.clear();
-        }
-        &mut attached.client
     }
 }
