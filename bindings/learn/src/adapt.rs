@@ -35,5 +35,5 @@ pub fn adapt_team(
     let (evaluate_every, map_weights) = (None, Vec::new());
     let config = Config { network: NetworkKind::Units, evaluate_every, map_weights, ..run.config.clone() };
     // The description last: a folder without it is not a run.
-    Ok(write_description(to, RunDescription { config, former_steps: Vec::new(), ..run })?)
+    Ok(write_description(to, &RunDescription { config, former_steps: Vec::new(), ..run })?)
 }

@@ -1,11 +1,11 @@
 //! What a run is resumed from, in `checkpoint.safetensors`, and what others read, in `weights.safetensors`.
 //!
 //! A resumed run continues with the same bits. So a checkpoint has the networks and their optimisers and the
-//! statistics of the returns, and snapshots of all environments.
+//! statistics of the returns, and snapshots of all environments; and the run that it is of, as `run.json`.
 
 use crate::adam::Adam;
-use crate::architecture::{Architecture, Inputs};
-use crate::config::Config;
+use crate::architecture::Architecture;
+use crate::description::RunDescription;
 use crate::lanes::SavedEnvs;
 use crate::league::{League, Player, Rival};
 use crate::normaliser::Normaliser;
@@ -41,13 +41,18 @@ pub(crate) struct Checkpoint {
     pub league: League,
 }
 
+/// The array with the description of the run.
+const RUN: &str = "run";
+
 /// Reads the policy of the rival of this number.
 pub(crate) type ReadRival<'a> = dyn FnMut(u64) -> Result<Network, FileError> + 'a;
 
 impl Checkpoint {
     /// Writes the file whole or not at all.
-    pub fn write(&self, path: &Path) -> Result<(), FileError> {
-        write_arrays(path, &self.arrays())
+    pub fn write(&self, path: &Path, run: &RunDescription) -> Result<(), FileError> {
+        let mut arrays = self.arrays();
+        arrays.push(Array::flat(RUN, &run.to_json()));
+        write_arrays(path, &arrays)
     }
 
     fn arrays(&self) -> Vec<Array> {
@@ -88,15 +93,16 @@ impl Checkpoint {
         arrays
     }
 
-    /// Reads the checkpoint of a run with this configuration.
+    /// Reads the checkpoint of a run.
     pub fn read(
         path: &Path,
-        config: &Config,
-        inputs: &Inputs,
+        run: &RunDescription,
         read_rival: &mut ReadRival<'_>,
     ) -> Result<Checkpoint, FileError> {
         let bytes = read(path)?;
         let arrays = Arrays::decode(path, &bytes)?;
+        check_run(&arrays, run)?;
+        let RunDescription { config, inputs, .. } = run;
         let counts: Vec<u64> = arrays.shaped("counts", &[5])?;
         let times: Vec<f64> = arrays.shaped("times", &[2])?;
         let normaliser: Vec<f64> = arrays.shaped("normaliser", &[3])?;
@@ -129,6 +135,20 @@ impl Checkpoint {
             read_league(&arrays, config.num_envs, read_rival)?
         };
         Ok(Checkpoint { team, progress, recent, envs, league })
+    }
+}
+
+/// Checks that a checkpoint is of this run; those of older releases do not say whose they are. A run can be
+/// resumed with another number of steps.
+fn check_run(arrays: &Arrays, run: &RunDescription) -> Result<(), FileError> {
+    if !arrays.has(RUN) {
+        return Ok(());
+    }
+    let given = RunDescription::from_json(&arrays.values::<u8>(RUN)?);
+    let given = given.map_err(|why| arrays.damaged(format!("`{RUN}`: {why}")))?;
+    match given.differences(run, &["steps"]) {
+        differences if differences.is_empty() => Ok(()),
+        differences => Err(arrays.other_run(format!("it is of one that differs in {differences}"))),
     }
 }
 

@@ -9,8 +9,10 @@ use crate::team::{Network, OnScenario};
 use crate::tensors::{FileError, exists, read, write};
 use crate::zoo;
 use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
 use smaclite_engine::{BattleSetup, Opponents, Sizes};
-use smaclite_scenarios::Problems;
+use smaclite_scenarios::{Problems, ScenarioFiles};
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
@@ -83,9 +85,17 @@ struct RunFile {
 }
 
 impl RunFile {
-    fn of(run: RunDescription) -> RunFile {
-        let RunDescription { config, setup, other_maps, former_steps, .. } = run;
+    fn of(run: &RunDescription) -> RunFile {
+        let RunDescription { config, setup, other_maps, former_steps, .. } = run.clone();
         RunFile { version: env!("CARGO_PKG_VERSION").to_owned(), config, setup, other_maps, former_steps }
+    }
+
+    fn description(self) -> Result<RunDescription, OtherMap> {
+        let RunFile { config, setup, other_maps, former_steps, .. } = self;
+        config.check()?;
+        config.check_maps(1 + other_maps.len())?;
+        let run = RunDescription::checked::<OtherMap>(config, setup)?;
+        Ok(RunDescription { other_maps, former_steps, ..run })
     }
 }
 
@@ -115,39 +125,24 @@ impl RunDescription {
     /// If it cannot be read or is not valid.
     pub fn read(folder: &Path) -> Result<RunDescription, FileError> {
         let path = folder.join("run.json");
-        let damaged = |why: &dyn std::fmt::Display| {
-            let (path, why) = (path.clone(), why.to_string());
-            FileError::Damaged { path, why }
-        };
         if let Some(name) = zoo::missing(folder) {
             return Err(FileError::NotInZoo { name: name.to_owned() });
         }
         if !exists(&path) {
             return Err(FileError::NoRun { folder: folder.to_owned() });
         }
-        let file: RunFile = serde_json::from_slice(&read(&path)?).map_err(|error| damaged(&error))?;
-        file.config.check().map_err(|error| damaged(&error))?;
-        let mut run = RunDescription::new(file.config, file.setup).map_err(|error| damaged(&error))?;
-        (run.other_maps, run.former_steps) = (file.other_maps, file.former_steps);
-        run.config.check_maps(run.map_count()).map_err(|error| damaged(&error))?;
-        run.inputs.check(&run.config).map_err(|error| damaged(&error))?;
-        Ok(run)
+        RunDescription::from_json(&read(&path)?).map_err(|why| FileError::Damaged { path, why })
     }
 
     /// The same as a text.
     pub(crate) fn to_json(&self) -> Vec<u8> {
-        let text = serde_json::to_vec(&RunFile::of(self.clone()));
-        text.expect("all of its keys are text")
+        serde_json::to_vec(&RunFile::of(self)).expect("all of its keys are text")
     }
 
-    /// The run of a text of [`to_json`](Self::to_json); `None` if it is none.
-    pub(crate) fn from_json(text: &[u8]) -> Option<RunDescription> {
-        let file: RunFile = serde_json::from_slice(text).ok()?;
-        file.config.check().ok()?;
-        let mut run = RunDescription::new(file.config, file.setup).ok()?;
-        run.inputs.check(&run.config).ok()?;
-        (run.other_maps, run.former_steps) = (file.other_maps, file.former_steps);
-        Some(run)
+    /// The run of such a text, or why it is none.
+    pub(crate) fn from_json(text: &[u8]) -> Result<RunDescription, String> {
+        let file: RunFile = serde_json::from_slice(text).map_err(|error| error.to_string())?;
+        file.description().map_err(|error| error.to_string())
     }
 
     pub(crate) fn new(config: Config, setup: BattleSetup) -> Result<RunDescription, Problems> {
@@ -156,6 +151,37 @@ impl RunDescription {
         let inputs = Inputs::new(&setup.rules.figures(&scenario), sizes, config.last_actions);
         let (name, other_maps, former_steps) = (scenario.name, Vec::new(), Vec::new());
         Ok(RunDescription { config, setup, name, sizes, inputs, other_maps, former_steps })
+    }
+
+    /// The same, if the networks know the observations.
+    fn checked<E: From<ConfigError> + From<Problems>>(config: Config, setup: BattleSetup) -> Result<Self, E> {
+        let run = RunDescription::new(config, setup)?;
+        run.inputs.check(&run.config)?;
+        Ok(run)
+    }
+
+    /// In what this run differs from the expected one, besides hyperparameters of these names; for messages,
+    /// as [`BattleSetup::differences`].
+    pub(crate) fn differences(&self, expected: &RunDescription, besides: &[&str]) -> String {
+        let of_maps = self.setups().zip(expected.setups()).map(|(given, expected)| {
+            let source = expected.files.source.clone(); // where a file was is no difference
+            let files = ScenarioFiles { source, ..given.files.clone() };
+            BattleSetup { files, ..given.clone() }.differences(expected)
+        });
+        let mut parts: Vec<String> = of_maps.filter(|part| !part.is_empty()).collect();
+        let [given, expected] = [self, expected].map(|run| {
+            let mut values = serde_json::to_value(&run.config).unwrap_or_default();
+            values["maps"] = run.map_count().into();
+            values
+        });
+        let names = [&given, &expected].into_iter().filter_map(Value::as_object).flat_map(Map::keys);
+        let names: BTreeSet<&str> = names.map(String::as_str).collect();
+        for name in
+            names.into_iter().filter(|name| !besides.contains(name) && given[*name] != expected[*name])
+        {
+            parts.push(format!("{name} ({} instead of {})", given[name], expected[name]));
+        }
+        parts.join(", ")
     }
 
     /// The network of the team's policy, as files have it.
@@ -197,9 +223,7 @@ impl RunDescription {
         let given =
             Some(&self.setup).filter(|setup| setup.opponents != Opponents::of(&setup.files, setup.sides));
         let opponents = trained.or(given).unwrap_or(&map).opponents.clone();
-        let other = RunDescription::new(self.config.clone(), BattleSetup { opponents, ..map })?;
-        other.inputs.check(&self.config)?;
-        Ok(other)
+        RunDescription::checked(self.config.clone(), BattleSetup { opponents, ..map })
     }
 
     /// What the team was trained on: its first map and the others.
@@ -218,8 +242,7 @@ impl RunDescription {
     /// If a scenario is not valid, or the networks do not know its observations.
     pub fn on_each_map(&self) -> Result<Vec<RunDescription>, OtherMap> {
         let one = |setup: &BattleSetup| {
-            let run = RunDescription::new(self.config.clone(), setup.clone())?;
-            run.inputs.check(&self.config)?;
+            let run = RunDescription::checked::<OtherMap>(self.config.clone(), setup.clone())?;
             Ok(RunDescription { former_steps: self.former_steps.clone(), ..run })
         };
         self.setups().map(one).collect()
@@ -235,9 +258,7 @@ impl RunDescription {
             return Ok(self);
         }
         check_equal_sides(folder, &setup.files.scenario()?)?;
-        let run = RunDescription::new(self.config, setup.clone())?;
-        run.inputs.check(&run.config)?;
-        Ok(run)
+        RunDescription::checked(self.config, setup.clone())
     }
 
     /// What the lanes of the run play, on its first map.
@@ -389,7 +410,7 @@ pub(crate) fn copy_team(from: &Path, to: &Path) -> Result<(), FileError> {
     Ok(())
 }
 
-pub(crate) fn write_description(folder: &Path, run: RunDescription) -> Result<(), FileError> {
+pub(crate) fn write_description(folder: &Path, run: &RunDescription) -> Result<(), FileError> {
     let path = folder.join("run.json");
     let text = serde_json::to_vec_pretty(&RunFile::of(run))
         .map_err(|error| FileError::Write { path: path.clone(), source: error.into() })?;

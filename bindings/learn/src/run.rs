@@ -99,6 +99,7 @@ pub enum TrainEvent {
 /// - Training that diverges is an error of [`update`](Run::update).
 pub struct Run {
     folder: PathBuf,
+    description: RunDescription,
     training: Training,
     csv: CsvLog,
     tensorboard: TensorBoardLog,
@@ -187,10 +188,10 @@ impl Run {
         EvaluationFiles::clear(folder)?;
         let description = RunDescription::new(training.config.clone(), setup).map_err(LaneError::from)?;
         let description = RunDescription { other_maps: setups, ..description };
-        let mut run = Run::open(folder, &description, training, threads, lock)?;
+        let mut run = Run::open(folder, description, training, threads, lock)?;
         run.checkpoint()?; // so that a run that is killed in its first minute can be resumed
         // Last: a folder with this file is a run that can be resumed, and one without can be begun.
-        write_description(folder, description)?;
+        write_description(folder, &run.description)?;
         Ok(run)
     }
 
@@ -252,7 +253,7 @@ impl Run {
             }),
             number => read_actor(&copy_path(folder, number), actor.clone()),
         };
-        let state = Checkpoint::read(&path, &config, &description.inputs, &mut read_rival)?;
+        let state = Checkpoint::read(&path, &description, &mut read_rival)?;
         // A complete run has made some steps more than described, and can be resumed with that number.
         let (given, made) = (config.steps, state.progress.steps);
         if given != described && made > 0 {
@@ -268,15 +269,15 @@ impl Run {
             }
         }
         let training = Training::resume(config, lanes, threads, state)?;
-        let run = Run::open(folder, &description, training, threads, lock)?;
+        let run = Run::open(folder, description, training, threads, lock)?;
         // Last: an error before it leaves the old number of steps.
-        write_description(folder, description)?;
+        write_description(folder, &run.description)?;
         Ok(run)
     }
 
     fn open(
         folder: &Path,
-        description: &RunDescription,
+        description: RunDescription,
         training: Training,
         threads: usize,
         lock: File,
@@ -286,11 +287,11 @@ impl Run {
         // Both are read before one is changed: an error leaves the files of the run as they are.
         let kept = KeptLines::read(&log, progress.updates)?;
         let trained = Trained { steps: progress.steps, before_last_update: kept.steps_before };
-        let evaluations = Evaluations::open(folder, description, trained, threads)?;
+        let evaluations = Evaluations::open(folder, &description, trained, threads)?;
         let csv = CsvLog::open(&log, &kept)?;
         let tensorboard = TensorBoardLog::new(folder, progress.steps);
         let (folder, last_checkpoint) = (folder.to_owned(), Instant::now());
-        Ok(Run { folder, training, csv, tensorboard, evaluations, last_checkpoint, _lock: lock })
+        Ok(Run { folder, description, training, csv, tensorboard, evaluations, last_checkpoint, _lock: lock })
     }
 
     /// The hyperparameters.
@@ -390,7 +391,7 @@ impl Run {
         self.csv.sync()?; // the checkpoint is not continued without the lines of its updates
         let state = self.training.state();
         write_weights(&self.folder.join(WEIGHTS), &state.team)?;
-        state.write(&self.folder.join(CHECKPOINT))?;
+        state.write(&self.folder.join(CHECKPOINT), &self.description)?;
         self.last_checkpoint = Instant::now();
         Ok(())
     }

@@ -1,11 +1,9 @@
 //! Runs with several seeds in one process: a queue, as many at a time as there are threads. Each is an
 //! ordinary run in a folder of its own, `seed-1` and so on, with the bits that it has alone.
 //!
-//! No file says how many runs there are: those that have begun are looked for, and `together` checks that
-//! they belong together.
+//! No file says how many runs there are: those that have begun are looked for, if they belong together.
 
 mod error;
-mod together;
 
 use crate::config::Config;
 use crate::description::RunDescription;
@@ -103,9 +101,9 @@ impl Seeds {
     /// If one cannot be read, or they are not runs that differ in their seeds alone.
     pub fn open(folder: &Path, steps: Option<u64>) -> Result<Option<Seeds>, SeedsError> {
         let runs = runs_in(folder)?;
-        together::check(folder, &runs)?;
+        check_together(folder, &runs)?;
         if steps.is_none() {
-            together::check_steps(&runs)?;
+            check_steps(&runs)?;
         }
         let runs: Vec<_> = runs.into_iter().map(|(path, run)| (run.config.seed, path)).collect();
         Ok(if runs.is_empty() { None } else { Some(Seeds { runs }) })
@@ -188,6 +186,35 @@ impl Seeds {
         let more = usize::from(i - turn < threads % at_once);
         (threads / at_once + more).max(1)
     }
+}
+
+/// The runs in a folder differ in their seeds alone, by which their folders are called. A folder of other
+/// runs is not continued as one: each of them would get the steps of all.
+fn check_together(folder: &Path, runs: &[(PathBuf, RunDescription)]) -> Result<(), SeedsError> {
+    for (path, run) in runs {
+        let seed = run.config.seed;
+        if *path != seed_folder(folder, seed) {
+            return Err(SeedsError::OtherName { run: path.clone(), seed });
+        }
+    }
+    for pair in runs.windows(2) {
+        let [(first, a), (second, b)] = pair else { continue };
+        let differences = b.differences(a, &["seed", "steps"]);
+        if !differences.is_empty() {
+            let (first, second) = (first.clone(), second.clone());
+            return Err(SeedsError::Differ { first, second, differences });
+        }
+    }
+    Ok(())
+}
+
+/// All runs are to make the same number of steps. They are not if they were to be extended, and the process
+/// ended before it came to all of them.
+fn check_steps(runs: &[(PathBuf, RunDescription)]) -> Result<(), SeedsError> {
+    let other = runs.windows(2).find(|pair| pair[0].1.config.steps != pair[1].1.config.steps);
+    let Some([(first, a), (second, b)]) = other else { return Ok(()) };
+    let (first, second) = (first.clone(), second.clone());
+    Err(SeedsError::OtherSteps { first, second, steps: [a, b].map(|run| run.config.steps) })
 }
 
 /// Begins a run, beside another one if there is one, whose opponents it has.

@@ -234,8 +234,7 @@ impl<'a> Arrays<'a> {
         match self.tensors.tensor(name) {
             Ok(tensor) if tensor.shape() == shape => Ok(values),
             Ok(tensor) => {
-                let why = format!("`{name}` has the shape {:?}, not {shape:?}", tensor.shape());
-                Err(FileError::OtherRun { path: self.path.to_owned(), why })
+                Err(self.other_run(format!("`{name}` has the shape {:?}, not {shape:?}", tensor.shape())))
             }
             Err(error) => Err(self.damaged(error.to_string())),
         }
@@ -243,5 +242,9 @@ impl<'a> Arrays<'a> {
 
     pub fn damaged(&self, why: impl Into<String>) -> FileError {
         FileError::Damaged { path: self.path.to_owned(), why: why.into() }
+    }
+
+    pub fn other_run(&self, why: String) -> FileError {
+        FileError::OtherRun { path: self.path.to_owned(), why }
     }
 }

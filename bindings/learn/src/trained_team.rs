@@ -127,7 +127,7 @@ impl TrainedTeam {
     /// A team from its [`parts`](Self::parts); `None` if they are not those of one team.
     #[must_use]
     pub fn from_parts(run: &[u8], params: Vec<f32>) -> Option<TrainedTeam> {
-        let run = RunDescription::from_json(run)?;
+        let run = RunDescription::from_json(run).ok()?;
         let architecture = Architecture::actor(&run.config, &run.inputs);
         let are_all = params.len() == architecture.n_params() && params.iter().all(|param| param.is_finite());
         are_all.then(|| TrainedTeam { run, network: Network { architecture, params, adam: Adam::new(0) } })

@@ -24,10 +24,10 @@ pub enum SeedsError {
     )]
     OtherName { run: PathBuf, seed: u64 },
     #[error(
-        "`{}` and `{}` differ in {what}, but runs of one `train --seeds` differ in their seeds alone; \
-         continue runs that were not trained together one by one", first.display(), second.display()
+        "`{}` differs from `{}` in {differences}, but runs of one `train --seeds` differ in their seeds \
+         alone; continue runs that were not trained together one by one", second.display(), first.display()
     )]
-    Differ { first: PathBuf, second: PathBuf, what: String },
+    Differ { first: PathBuf, second: PathBuf, differences: String },
     #[error(
         "`{}` and `{}` are runs of {} and of {} steps; --steps says how many all of them are to make",
         first.display(), second.display(), steps[0], steps[1]

@@ -150,13 +150,13 @@ fn runs_that_were_not_trained_together_are_not_continued_together() {
         assert!(text.contains(from), "{text}");
         fs::write(&path, text.replacen(from, to, 1)).unwrap();
     };
-    let together = ["/runs/seed-3` and `", "/runs/seed-4` differ in"];
+    let together = ["/runs/seed-4` differs from `", "/runs/seed-3` in "];
     drop(place.begin("runs/seed-4", &Config { seed: 4, gamma: 0.5, ..evaluated() }, 1));
-    check(None, &[together[0], together[1], "gamma (0.9", " and 0.5)"]);
+    check(None, &[together[0], together[1], "gamma (0.5 instead of 0.9"]);
     change("seed-4", "\"gamma\": 0.5", &format!("\"gamma\": {}", evaluated().gamma));
     assert_eq!(Seeds::open(&folder, None).unwrap().unwrap().runs().len(), 2);
     change("seed-4", "\"rules\": \"smaclite\"", "\"rules\": \"paper\"");
-    check(None, &[together[0], together[1], "the rules"]);
+    check(None, &[together[0], together[1], "rules (paper instead of smaclite)"]);
     change("seed-4", "\"rules\": \"paper\"", "\"rules\": \"smaclite\"");
     // An extension of all that was interrupted after the first leaves this.
     change("seed-4", "\"steps\": 930", "\"steps\": 2000");
