@@ -100,7 +100,8 @@ def keep(run: Path, folder: Path) -> None:
     final = json.loads((run / "final.json").read_text())
     folder.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(run / "run.json", folder / "run.json")
-    shutil.copyfile(run / "evaluations" / f"{final['steps']:012}.safetensors", folder / "best.safetensors")
+    weights = (run / "evaluations" / f"{final['steps']:012}.safetensors").read_bytes()
+    (folder / "best.safetensors").write_bytes(actor(weights))
     config = json.loads((run / "run.json").read_text())["config"]
     card = {
         "scenario": scenario(run),

@@ -7,7 +7,7 @@
 //! | `checkpoint.safetensors` | what the run is resumed from |
 //! | `log.csv`, `events.out.tfevents.*` | one row or event per update |
 //! | `evaluations.csv`, `evaluation_episodes.csv` | one row per evaluation, and per episode of one |
-//! | `evaluations/*.safetensors` | the weights of the actor in each evaluation |
+//! | `evaluations/*.safetensors` | the weights of actor and critic in each evaluation |
 //! | `best.safetensors` | the weights of the best one |
 //! | `final.json` | how the best weights play |
 //! | `opponent/` | `run.json` and weights of the team that plays the enemies, if one does |

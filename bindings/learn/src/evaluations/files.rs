@@ -1,16 +1,16 @@
 //! The files of evaluations in the folder of a run: `evaluations.csv` has a row per evaluation,
-//! `evaluation_episodes.csv` a row per episode, and `evaluations/` the weights of the actor.
+//! `evaluation_episodes.csv` a row per episode, and `evaluations/` the weights.
 //!
 //! The row of an evaluation is written last. So what a process that was killed left of an evaluation without
 //! its row is removed, and that evaluation is played again. What was written before the checkpoint is there,
 //! and a run is not continued without it: nothing could play it again.
 
 use super::{EVALUATION_EPISODES, EvaluationRow, FinalResult, Summary, Trained};
-use crate::checkpoint::write_actor;
+use crate::checkpoint::write_weights;
 use crate::description::{BEST, EVALUATIONS};
 use crate::policy::Choice;
 use crate::rollout::Episode;
-use crate::team::Network;
+use crate::team::Team;
 use crate::tensors::{FileError, read_text, remove};
 use std::collections::HashMap;
 use std::fs::{self, OpenOptions};
@@ -144,19 +144,19 @@ impl EvaluationFiles {
         EvaluationFiles { folder: folder.to_owned() }
     }
 
-    /// The file with the actor of an evaluation.
+    /// The file with the weights of an evaluation.
     pub fn weights(&self, steps: u64) -> PathBuf {
         self.folder.join(WEIGHTS).join(format!("{steps:012}.safetensors"))
     }
 
-    /// Writes the actor of an evaluation, in a folder that exists from the first one on.
+    /// Writes the weights of an evaluation, in a folder that exists from the first one on.
     ///
     /// # Errors
     /// If they cannot be written.
-    pub fn write_weights(&self, steps: u64, actor: &Network) -> Result<(), FileError> {
+    pub(crate) fn write_weights(&self, steps: u64, team: &Team) -> Result<(), FileError> {
         let folder = self.folder.join(WEIGHTS);
         fs::create_dir_all(&folder).map_err(|source| FileError::Write { path: folder, source })?;
-        write_actor(&self.weights(steps), actor)
+        write_weights(&self.weights(steps), team)
     }
 
     /// Adds an evaluation.

@@ -18,12 +18,12 @@ mod final_result;
 mod play;
 mod row;
 
-use crate::checkpoint::{Checkpoint, read_actor, write_actor, write_weights};
+use crate::checkpoint::{Checkpoint, read_actor};
 use crate::cpu_timer::CpuTimer;
 use crate::description::{BEST, RunDescription};
 use crate::parallel::Interrupted;
 use crate::policy::Choice;
-use crate::tensors::{FileError, remove};
+use crate::tensors::{FileError, read, remove, write};
 use crate::training::TrainError;
 pub use files::{BothEpisodes, EvaluationFiles, on_map};
 pub use final_result::FinalResult;
@@ -124,7 +124,7 @@ impl Evaluations {
         // The final episodes are those of the best of all evaluations. Not before: until then a complete run
         // that was resumed with more steps can be set back.
         remove(&FinalResult::path(&self.folder))?;
-        self.files.write_weights(steps, &state.team.actor)?;
+        self.files.write_weights(steps, &state.team)?;
         let played = Choice::BOTH.map(|actions| {
             let occasion = Occasion::Training { steps };
             self.evaluator.play(&state.team.actor, occasion, actions, EVALUATION_EPISODES, interrupted)
@@ -144,7 +144,7 @@ impl Evaluations {
         self.files.append(&row, [&greedy, &sampled])?;
         self.rows.push(row);
         if EvaluationRow::best(&self.rows).is_some_and(|best| best.steps == steps) {
-            write_weights(&self.folder.join(BEST), &state.team)?;
+            write(&self.folder.join(BEST), &read(&self.files.weights(steps))?)?;
         }
         Ok(())
     }
@@ -172,10 +172,11 @@ impl Evaluations {
     fn restore_best(&self) -> Result<(), FileError> {
         let path = self.folder.join(BEST);
         let Some(best) = EvaluationRow::best(&self.rows) else { return remove(&path) };
-        let kept = self.run.read_actor(&self.files.weights(best.steps))?;
+        let kept = self.files.weights(best.steps);
+        let actor = self.run.read_actor(&kept)?;
         // One that is missing or damaged is written anew.
-        if self.run.read_actor(&path).ok().as_ref() != Some(&kept) {
-            write_actor(&path, &kept)?;
+        if self.run.read_actor(&path).ok() != Some(actor) {
+            write(&path, &read(&kept)?)?;
         }
         Ok(())
     }

@@ -6,7 +6,7 @@ mod maps;
 mod seeds;
 mod self_play;
 
-use crate::kit::{Place, check_resumed, complete, scenario, small};
+use crate::kit::{Place, check_resumed, complete, evaluated, scenario, small};
 use serde_json::Value;
 use smaclite_engine::{BattleSetup, EpisodeLimit, Rules};
 use smaclite_ipc::{LaneConfig, Supervisor, SupervisorConfig};
@@ -71,6 +71,18 @@ fn over_units() -> Config {
 fn a_resumed_run_is_the_uninterrupted_one() {
     check_resumed(&Config { steps: 34 * 158, epochs: 1, ..small() }, &Place::new());
     check_resumed(&Config { steps: 34 * 158, epochs: 1, ..over_units() }, &Place::new());
+}
+
+/// They had no critic then.
+#[test]
+fn best_weights_that_were_lost_are_written_again_as_they_were() {
+    let place = Place::new();
+    place.train("run", &evaluated(), 1);
+    let best = place.path("run/best.safetensors");
+    let before = fs::read(&best).unwrap();
+    fs::remove_file(&best).unwrap();
+    drop(Run::resume(&place.path("run"), None, place.lanes(10, 1), 1).unwrap());
+    assert!(fs::read(&best).unwrap() == before);
 }
 
 /// Published weights and the files of older runs are of flat networks, and `run.json` does not say so.
