@@ -188,6 +188,9 @@ impl Config {
     pub fn envs_of_maps(&self, count: usize) -> Vec<usize> {
         let equal = vec![1.0; count];
         let weights = if self.map_weights.is_empty() { &equal } else { &self.map_weights };
+        // Sums of large weights would overflow. A power of two changes no other digits.
+        let scale = if weights.iter().any(|weight| *weight > 1.0) { 2.0f64.powi(-100) } else { 1.0 };
+        let weights: Vec<f64> = weights.iter().map(|weight| weight * scale).collect();
         let total: f64 = weights.iter().sum();
         let (mut sum, mut begin) = (0.0, 0);
         let divide = |(map, weight): (usize, &f64)| {
@@ -355,6 +358,11 @@ mod tests {
         assert_eq!(config(64, &[1000.0, 1.0, 1.0]).envs_of_maps(3), [62, 1, 1]);
         assert_eq!(config(64, &[1.0, 1.0, 1000.0]).envs_of_maps(3), [1, 1, 62]);
         assert_eq!(config(3, &[1.0, 1000.0, 1.0]).envs_of_maps(3), [1, 1, 1]);
+        // These overflowed.
+        assert_eq!(config(64, &[1e308; 2]).envs_of_maps(2), [32, 32]);
+        assert_eq!(config(64, &[1e300, f64::MAX, 1.0]).envs_of_maps(3), [1, 62, 1]);
+        assert_eq!(config(64, &[1.0, 1e-308, 3.0]).envs_of_maps(3), [16, 1, 47]);
+        assert_eq!(config(64, &[5e-324, 5e-324]).envs_of_maps(2), [32, 32]);
         assert_eq!(error(config(2, &[]), 3), "num_envs must be at least the number of maps, got 2");
         let expected = "map_weights must be one number above 0 per map, got ";
         for weights in [&[1.0, 0.0][..], &[1.0, f64::NAN], &[1.0, -1.0], &[1.0], &[1.0, f64::INFINITY]] {
