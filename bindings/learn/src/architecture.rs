@@ -6,7 +6,7 @@ use crate::mlp::{self, Mlp};
 use crate::units_network::{self, UnitsNetwork};
 use crate::universal::{self, Specialisation};
 use rand_pcg::Pcg64Mcg;
-use smaclite_engine::{Sizes, TargetLayout, UnitLayout, UniversalRows};
+use smaclite_engine::{Sizes, TargetLayout, UnitLayout, UniversalForm, UniversalRows};
 use smaclite_scenarios::Scenario;
 use std::sync::Arc;
 
@@ -90,50 +90,29 @@ impl Workspace {
 impl Architecture {
     /// The actor of a run: from an agent's observation to a number per action.
     pub fn actor(config: &Config, inputs: &Inputs) -> Architecture {
-        let Inputs { sizes, units, .. } = inputs;
-        let flat =
-            || Mlp::new(sizes.obs_size, &config.hidden, sizes.n_actions, sizes.n_agents, config.activation);
-        Architecture::new(config, flat, units.as_deref(), |Units { obs, targets, .. }| {
-            (sizes.obs_size, obs, Some(targets))
-        })
+        Architecture::new(config, inputs, false, true)
     }
 
     /// The critic: from the state, or an agent's observation, to a value.
     pub fn critic(config: &Config, inputs: &Inputs) -> Architecture {
-        let Inputs { sizes, units, .. } = inputs;
-        let flat = |n_in, n_ids| Mlp::new(n_in, &config.hidden, 1, n_ids, config.activation);
-        let units = units.as_deref();
-        match config.algorithm {
-            Algorithm::Mappo => Architecture::new(
-                config,
-                || flat(sizes.state_size, 0),
-                units,
-                |units| (sizes.state_size, &units.state, None),
-            ),
-            Algorithm::Ippo => Architecture::new(
-                config,
-                || flat(sizes.obs_size, sizes.n_agents),
-                units,
-                |units| (sizes.obs_size, &units.obs, None),
-            ),
-        }
+        Architecture::new(config, inputs, config.algorithm == Algorithm::Mappo, false)
     }
 
-    fn new<'a>(
-        config: &Config,
-        flat: impl FnOnce() -> Mlp,
-        units: Option<&'a Units>,
-        parts: impl FnOnce(&'a Units) -> (usize, &'a UnitLayout, Option<&'a TargetLayout>),
-    ) -> Architecture {
+    fn new(config: &Config, inputs: &Inputs, sees_state: bool, is_actor: bool) -> Architecture {
+        let Inputs { sizes, units, .. } = inputs;
+        let (n_in, n_ids) = if sees_state { (sizes.state_size, 0) } else { (sizes.obs_size, sizes.n_agents) };
         match (config.network, units, &config.hidden[..]) {
+            (NetworkKind::Flat, _, hidden) => {
+                let n_out = if is_actor { sizes.n_actions } else { 1 };
+                Architecture::Flat(Mlp::new(n_in, hidden, n_out, n_ids, config.activation))
+            }
             (NetworkKind::Units | NetworkKind::Universal, Some(units), &[width, trunk_width]) => {
-                let (n_in, layout, targets) = parts(units);
-                let (layout, targets) = (layout.clone(), targets.cloned());
+                let layout = if sees_state { &units.state } else { &units.obs }.clone();
+                let targets = is_actor.then(|| units.targets.clone());
                 let widths = [width, trunk_width];
                 let network = UnitsNetwork::new(n_in, layout, targets, widths, config.activation);
                 Architecture::Units(Box::new(network))
             }
-            (NetworkKind::Flat, ..) => Architecture::Flat(flat()),
             _ => unreachable!("Config::check and Inputs::check refuse this"),
         }
     }
@@ -142,10 +121,16 @@ impl Architecture {
     pub fn stored(config: &Config, inputs: &Inputs) -> [Architecture; 2] {
         match (config.network, &config.hidden[..]) {
             (NetworkKind::Universal, &[width, trunk_width]) => {
-                let (widths, sees_state) = ([width, trunk_width], config.algorithm == Algorithm::Mappo);
-                let actor = universal::actor(config.last_actions, widths, config.activation);
-                let critic = universal::critic(sees_state, config.last_actions, widths, config.activation);
-                [actor, critic].map(|network| Architecture::Units(Box::new(network)))
+                let of_obs = UniversalForm::of_obs(config.last_actions);
+                let of_critic = match config.algorithm {
+                    Algorithm::Mappo => &UniversalForm::of_state(),
+                    Algorithm::Ippo => &of_obs,
+                };
+                [(&of_obs, true), (of_critic, false)].map(|(form, is_actor)| {
+                    let widths = [width, trunk_width];
+                    let network = universal::network(form, is_actor, widths, config.activation);
+                    Architecture::Units(Box::new(network))
+                })
             }
             _ => [Architecture::actor(config, inputs), Architecture::critic(config, inputs)],
         }

@@ -113,11 +113,24 @@ impl Linear {
 
     /// Z = X Wᵀ + b, and f(Z) with an activation.
     pub fn forward(&self, params: &[f32], x: &[f32], z: &mut [f32], activation: Option<Activation>) {
+        self.forward_by_id(params, x, &[], &[], z, activation);
+    }
+
+    /// The same, with a second bias that the id of the row selects, if there are any.
+    pub fn forward_by_id(
+        &self,
+        params: &[f32],
+        x: &[f32],
+        id_bias: &[f32],
+        ids: &[u16],
+        z: &mut [f32],
+        activation: Option<Activation>,
+    ) {
         self.products(params, x, z);
         let bias = self.bias(params);
         vectorised(
             #[inline(always)]
-            || add_bias(z, bias, &[], &[], activation),
+            || add_bias(z, bias, id_bias, ids, activation),
         );
     }
 
@@ -197,13 +210,7 @@ fn multiply(mut to: MatMut<'_, f32>, accum: Accum, a: MatRef<'_, f32>, b: MatRef
 
 /// Adds the bias to every row, and that of the row's agent if there are ids; then applies the activation.
 #[inline(always)]
-pub(crate) fn add_bias(
-    z: &mut [f32],
-    bias: &[f32],
-    id_bias: &[f32],
-    ids: &[u16],
-    activation: Option<Activation>,
-) {
+fn add_bias(z: &mut [f32], bias: &[f32], id_bias: &[f32], ids: &[u16], activation: Option<Activation>) {
     let width = bias.len();
     for (i, row) in z.chunks_exact_mut(width).enumerate() {
         if !id_bias.is_empty() {
@@ -221,20 +228,41 @@ pub(crate) fn add_bias(
 
 /// Adds all rows to `to`.
 #[inline(always)]
-pub(crate) fn sum_rows(to: &mut [f32], rows: &[f32]) {
+fn sum_rows(to: &mut [f32], rows: &[f32]) {
     for row in rows.chunks_exact(to.len()) {
         to.iter_mut().zip(row).for_each(|(to, value)| *to += value);
     }
 }
 
+/// Adds each row to that of its number in `to`.
+pub(crate) fn sum_rows_by(to: &mut [f32], rows: &[f32], numbers: impl Iterator<Item = usize>, width: usize) {
+    vectorised(
+        #[inline(always)]
+        || {
+            for (row, number) in rows.chunks_exact(width).zip(numbers) {
+                let to = &mut to[number * width..][..width];
+                to.iter_mut().zip(row).for_each(|(to, value)| *to += value);
+            }
+        },
+    );
+}
+
 /// Multiplies dL/dA by the derivative of the activation, given its outputs.
-#[inline(always)]
 pub(crate) fn differentiate(delta: &mut [f32], outputs: &[f32], activation: Activation) {
     let both = delta.iter_mut().zip(outputs);
-    match activation {
-        Activation::Relu => both.for_each(|(d, a)| *d = if *a > 0.0 { *d } else { 0.0 }),
-        Activation::Tanh => both.for_each(|(d, a)| *d *= 1.0 - a * a),
-    }
+    vectorised(
+        #[inline(always)]
+        || match activation {
+            Activation::Relu => both.for_each(|(d, a)| *d = if *a > 0.0 { *d } else { 0.0 }),
+            Activation::Tanh => both.for_each(|(d, a)| *d *= 1.0 - a * a),
+        },
+    );
+}
+
+/// Memory for `len` numbers, which only grows.
+pub(crate) fn fit<T: Clone + Default>(memory: &mut Vec<T>, len: usize) -> &mut [T] {
+    memory.resize(memory.len().max(len), T::default());
+    &mut memory[..len]
 }
 
 /// A random `[rows, columns]` matrix, row-major, with orthonormal rows or, if there are more rows than

@@ -18,8 +18,8 @@
 //! padded to a multiple of [`WIDTH`] with rows of W that stay zero, because nothing depends on them.
 
 use crate::config::Activation;
-use crate::linear::{Linear, Tensor, add_bias, differentiate};
-use crate::math::{WIDTH, vectorised};
+use crate::linear::{Linear, Tensor, differentiate, fit, sum_rows_by};
+use crate::math::WIDTH;
 use faer::Accum;
 use rand_pcg::Pcg64Mcg;
 use std::ops::Range;
@@ -59,9 +59,8 @@ impl Workspace {
         self.outputs.resize_with(n_layers, Vec::new);
         self.deltas.resize_with(n_layers, Vec::new);
         for (i, layer) in mlp.layers.iter().enumerate() {
-            for buffer in [&mut self.outputs[i], &mut self.deltas[i]] {
-                buffer.resize(buffer.len().max(rows * layer.n_out()), 0.0);
-            }
+            fit(&mut self.outputs[i], rows * layer.n_out());
+            fit(&mut self.deltas[i], rows * layer.n_out());
         }
     }
 }
@@ -124,14 +123,9 @@ impl Mlp {
             let (below, rest) = workspace.outputs.split_at_mut(i);
             let z = &mut rest[0][..rows * layer.n_out()];
             let input = below.last().map_or(x, |input| &input[..rows * layer.n_in()]);
-            layer.products(params, input, z);
-            let bias = layer.bias(params);
             let id_bias = if i == 0 { &params[self.id_bias.clone()] } else { &[] };
             let activation = (i + 1 < self.layers.len()).then_some(self.activation);
-            vectorised(
-                #[inline(always)]
-                || add_bias(z, bias, id_bias, ids, activation),
-            );
+            layer.forward_by_id(params, input, id_bias, ids, z, activation);
         }
     }
 
@@ -158,28 +152,12 @@ impl Mlp {
             if let (Some(below), Some(lower)) = (below, lower.last_mut()) {
                 let lower = &mut lower[..rows * layer.n_in()];
                 layer.lower(params, delta, Accum::Replace, lower);
-                vectorised(
-                    #[inline(always)]
-                    || differentiate(lower, below, self.activation),
-                );
-            } else {
-                vectorised(
-                    #[inline(always)]
-                    || sum_rows_by_id(&mut gradient[self.id_bias.clone()], delta, ids, layer.n_out()),
-                );
+                differentiate(lower, below, self.activation);
+            } else if !self.id_bias.is_empty() {
+                let ids = ids.iter().map(|id| usize::from(*id));
+                sum_rows_by(&mut gradient[self.id_bias.clone()], delta, ids, layer.n_out());
             }
         }
-    }
-}
-
-#[inline(always)]
-fn sum_rows_by_id(to: &mut [f32], rows: &[f32], ids: &[u16], width: usize) {
-    if to.is_empty() {
-        return;
-    }
-    for (row, id) in rows.chunks_exact(width).zip(ids) {
-        let to = &mut to[usize::from(*id) * width..][..width];
-        to.iter_mut().zip(row).for_each(|(to, value)| *to += value);
     }
 }
 

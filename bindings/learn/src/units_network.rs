@@ -33,11 +33,11 @@ mod passes;
 mod scorer;
 
 use crate::config::Activation;
-use crate::linear::{Linear, Tensor};
+use crate::linear::{Linear, Tensor, differentiate, fit};
 use crate::math::WIDTH;
 use encoder::{Encoder, EncoderMemory};
 use faer::Accum;
-use passes::{activate, differentiate_all, fit};
+use passes::activate;
 use rand_pcg::Pcg64Mcg;
 use scorer::{Pass, Scorer, ScorerMemory};
 use smaclite_engine::{TargetLayout, UnitLayout};
@@ -276,17 +276,17 @@ impl UnitsNetwork {
         let [lower, upper] = trunk.each_ref().map(|outputs| &outputs[..trunk_len]);
         let [d_lower, d_upper] = d_trunk.each_mut().map(|delta| fit(delta, trunk_len));
         let (pooled, d_pooled) = (&pooled[..samples * stride], fit(d_pooled, samples * stride));
-        differentiate_all(d_upper, upper, f);
+        differentiate(d_upper, upper, f);
         self.trunk[1].backward(lower, d_upper, gradient);
         self.trunk[1].lower(params, d_upper, Accum::Replace, d_lower);
-        differentiate_all(d_lower, lower, f);
+        differentiate(d_lower, lower, f);
         self.trunk[0].backward(pooled, d_lower, gradient);
         self.trunk[0].lower(params, d_lower, Accum::Replace, d_pooled);
         let d_own = fit(d_own, samples * width);
         let rows = d_pooled.chunks_exact(stride).zip(pooled.chunks_exact(stride));
         for (d_own, (d_pooled, pooled)) in d_own.chunks_exact_mut(width).zip(rows) {
             d_own.copy_from_slice(&d_pooled[..width]);
-            differentiate_all(d_own, &pooled[..width], f);
+            differentiate(d_own, &pooled[..width], f);
         }
         for ((_, encoder, memory), column) in
             with_memory(&self.encoders, encoders).zip((width..).step_by(2 * width))

@@ -35,10 +35,10 @@ pub(crate) fn input_maps(
     Ok([maps(UniversalForm::of_obs(last_actions))?, maps(UniversalForm::of_state())?])
 }
 
-/// A network for rows of this form, whose parameters those of every scenario are made of.
-fn network(
+/// An actor or a critic for rows of this form, whose parameters those of every scenario are made of.
+pub(crate) fn network(
     form: &UniversalForm,
-    targets: Option<TargetLayout>,
+    is_actor: bool,
     widths: [usize; 2],
     activation: Activation,
 ) -> UnitsNetwork {
@@ -50,25 +50,9 @@ fn network(
         allies: row(enemies, allies),
         rest: std::iter::once(begin..end).filter(|rest| !rest.is_empty()).collect(),
     };
-    UnitsNetwork::new(end, layout, targets, widths, activation)
-}
-
-/// The actor that all scenarios specialise.
-pub(crate) fn actor(last_actions: usize, widths: [usize; 2], activation: Activation) -> UnitsNetwork {
     // A column that says who heals: so there are tensors for targets among allies.
     let targets = TargetLayout { first: action::FIRST_TARGET, count: 1, heals: vec![0], healers: vec![] };
-    network(&UniversalForm::of_obs(last_actions), Some(targets), widths, activation)
-}
-
-/// The critic that all scenarios specialise: of the state, or of observations.
-pub(crate) fn critic(
-    sees_state: bool,
-    last_actions: usize,
-    widths: [usize; 2],
-    activation: Activation,
-) -> UnitsNetwork {
-    let form = if sees_state { UniversalForm::of_state() } else { UniversalForm::of_obs(last_actions) };
-    network(&form, None, widths, activation)
+    UnitsNetwork::new(end, layout, is_actor.then_some(targets), widths, activation)
 }
 
 /// From the parameters of a universal network to those on a scenario, and gradients back.

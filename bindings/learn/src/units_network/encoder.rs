@@ -1,8 +1,8 @@
 //! The units of one kind: their rows are gathered, embedded and pooled, and the way back.
 
-use super::passes::{activate, add_of_sample, differentiate_all, fit, sum_by_sample};
+use super::passes::{activate, add_of_sample, sum_by_sample};
 use crate::config::Activation;
-use crate::linear::{Linear, Tensor};
+use crate::linear::{Linear, Tensor, differentiate, fit};
 use crate::math::{WIDTH, vectorised};
 use faer::Accum;
 use rand_pcg::Pcg64Mcg;
@@ -184,10 +184,10 @@ impl Encoder {
         let EncoderMemory { samples, x, base, hidden, embedding, d_embedding, d_hidden, .. } = memory;
         let (embedding, hidden) = (&embedding[..len], &hidden[..len]);
         let (d_embedding, d_hidden) = (&mut d_embedding[..len], fit(d_hidden, len));
-        differentiate_all(d_embedding, embedding, activation);
+        differentiate(d_embedding, embedding, activation);
         self.second.backward(hidden, d_embedding, gradient);
         self.second.lower(params, d_embedding, Accum::Replace, d_hidden);
-        differentiate_all(d_hidden, hidden, activation);
+        differentiate(d_hidden, hidden, activation);
         self.first.backward_weights(x, d_hidden, gradient);
         let d_base = &mut base[..d_own.len()];
         sum_by_sample(d_base, d_hidden, samples, self.width);

@@ -1,14 +1,8 @@
-//! What the passes of a network over units have in common: memory, and loops over rows of samples.
+//! What the passes of a network over units have in common: loops over rows of samples.
 
 use crate::config::Activation;
-use crate::linear::differentiate;
-use crate::math::{WIDTH, sum, tanh, vectorised};
-
-/// Memory for `len` numbers, which only grows.
-pub(super) fn fit<T: Clone + Default>(memory: &mut Vec<T>, len: usize) -> &mut [T] {
-    memory.resize(memory.len().max(len), T::default());
-    &mut memory[..len]
-}
+use crate::linear::sum_rows_by;
+use crate::math::{WIDTH, sum, tanh};
 
 /// Applies the activation.
 #[inline(always)]
@@ -30,24 +24,8 @@ pub(super) fn add_of_sample(rows: &mut [f32], of_samples: &[f32], samples: &[u32
 
 /// Sums the rows of each sample.
 pub(super) fn sum_by_sample(to: &mut [f32], rows: &[f32], samples: &[u32], width: usize) {
-    vectorised(
-        #[inline(always)]
-        || {
-            to.fill(0.0);
-            for (row, sample) in rows.chunks_exact(width).zip(samples) {
-                let to = &mut to[*sample as usize * width..][..width];
-                to.iter_mut().zip(row).for_each(|(to, value)| *to += value);
-            }
-        },
-    );
-}
-
-/// Multiplies dL/dA by the derivative of the activation, given its outputs.
-pub(super) fn differentiate_all(delta: &mut [f32], outputs: &[f32], activation: Activation) {
-    vectorised(
-        #[inline(always)]
-        || differentiate(delta, outputs, activation),
-    );
+    to.fill(0.0);
+    sum_rows_by(to, rows, samples.iter().map(|sample| *sample as usize), width);
 }
 
 /// The scalar product, in a fixed order.

@@ -1,9 +1,9 @@
 //! The actions that target a unit: the number of each follows from the embedding of the unit and the trunk.
 
 use super::encoder::{EncoderMemory, UNSEEN};
-use super::passes::{activate, add_of_sample, differentiate_all, dot, fit, sum_by_sample};
+use super::passes::{activate, add_of_sample, dot, sum_by_sample};
 use crate::config::Activation;
-use crate::linear::{Linear, Tensor};
+use crate::linear::{Linear, Tensor, differentiate, fit};
 use crate::math::vectorised;
 use faer::Accum;
 use rand_pcg::Pcg64Mcg;
@@ -190,7 +190,7 @@ impl Scorer {
         let (d_embedding, d_hidden) = (fit(d_embedding, len), fit(d_hidden, len));
         let scores = &scores[..rows.len()];
         self.differentiate_scores(params, scores, hidden, d_hidden, gradient);
-        differentiate_all(d_hidden, hidden, activation);
+        differentiate(d_hidden, hidden, activation);
         self.unit.backward(embedding, d_hidden, gradient);
         self.unit.lower(params, d_hidden, Accum::Replace, d_embedding);
         for (d, row) in d_embedding.chunks_exact(width).zip(&*rows) {
