@@ -3,9 +3,7 @@
 use crate::checkpoint::write_actor;
 use crate::config::{Config, NetworkKind};
 use crate::description::{OtherMap, RunDescription, WEIGHTS, Weights, read_team_of, write_description};
-use crate::run_folders::held_run;
-use crate::tensors::FileError;
-use crate::zoo_folders::ExportError;
+use crate::zoo_folders::{ExportError, create_team_folder};
 use smaclite_engine::BattleSetup;
 use std::path::Path;
 
@@ -26,10 +24,7 @@ pub fn adapt_team(
     }
     let run = run.on(map)?;
     let (run, _, actor) = read_team_of(from, run, weights)?;
-    if let Some(folder) = held_run(to)? {
-        return Err(ExportError::HoldsRun { folder });
-    }
-    std::fs::create_dir_all(to).map_err(|source| FileError::Write { path: to.to_owned(), source })?;
+    create_team_folder(to)?;
     write_actor(&to.join(WEIGHTS), &actor)?;
     // Nothing was trained on this map, and evaluations are those of the run.
     let (evaluate_every, map_weights) = (None, Vec::new());

@@ -6,7 +6,7 @@ use crate::config::{Config, ConfigError, Enemies, NetworkKind};
 use crate::lane_error::{LaneError, UnequalUnits, check_equal_sides};
 use crate::lanes::{Lanes, sizes_with_history};
 use crate::team::{Network, OnScenario};
-use crate::tensors::{FileError, exists, read, write};
+use crate::tensors::{FileError, create_folder, exists, read, write};
 use crate::zoo;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
@@ -402,7 +402,7 @@ where
 
 /// Copies what [`read_rival`] reads.
 pub(crate) fn copy_team(from: &Path, to: &Path) -> Result<(), FileError> {
-    fs::create_dir_all(to).map_err(|source| FileError::Write { path: to.to_owned(), source })?;
+    create_folder(to)?;
     let weights = Weights::of(from, &RunDescription::read(from)?).file_name();
     for (source, name) in [("run.json", "run.json"), (weights, WEIGHTS)] {
         write(&to.join(name), &read(&from.join(source))?)?;

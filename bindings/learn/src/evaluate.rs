@@ -6,6 +6,7 @@ use crate::collect::ended_episodes;
 use crate::config::Enemies;
 use crate::description::{OtherMap, RunDescription, Weights, read_rival, read_team_of};
 use crate::enemy_actor::{BothActors, Teams};
+use crate::evaluations::Summary;
 use crate::lane_error::LaneError;
 use crate::lanes::{LaneBatch, Lanes};
 use crate::league::League;
@@ -234,10 +235,8 @@ fn result(
     counted: &[Episode],
 ) -> EvaluationResult {
     let Evaluation { episodes, seed, greedy, .. } = *evaluation;
-    let mean = |value: &dyn Fn(&Episode) -> f64| {
-        counted.iter().map(value).sum::<f64>() / counted.len().max(1) as f64
-    };
-    let mean_return = mean(&|episode| f64::from(episode.episode_return));
+    let Summary { win_rate, mean_return, mean_length } = Summary::of(counted);
+    let squares = counted.iter().map(|episode| (f64::from(episode.episode_return) - mean_return).powi(2));
     EvaluationResult {
         scenario: run.name.clone(),
         episodes,
@@ -248,9 +247,9 @@ fn result(
         seed,
         weights,
         greedy,
-        win_rate: mean(&|episode| f64::from(u8::from(episode.won))),
+        win_rate,
         mean_return,
-        return_deviation: mean(&|episode| (f64::from(episode.episode_return) - mean_return).powi(2)).sqrt(),
-        mean_length: mean(&|episode| f64::from(episode.length)),
+        return_deviation: (squares.sum::<f64>() / counted.len().max(1) as f64).sqrt(),
+        mean_length,
     }
 }

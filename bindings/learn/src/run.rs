@@ -21,18 +21,18 @@ use crate::config::Config;
 use crate::description::{
     LOG, OPPONENT, RunDescription, WEIGHTS, Weights, copy_team, read_rival, write_description,
 };
-use crate::evaluations::{EvaluationFiles, EvaluationRow, Evaluations, Trained};
+use crate::evaluations::{EVALUATION_WEIGHTS, EvaluationFiles, EvaluationRow, Evaluations, Trained};
 use crate::lane_error::LaneError;
 use crate::lanes::Lanes;
 use crate::log::{CsvLog, KeptLines, TensorBoardLog};
 use crate::run_folders::held_run;
-use crate::tensors::{FileError, exists, remove_incomplete};
+use crate::tensors::{FileError, create_folder, exists, remove_incomplete};
 use crate::training::{Record, TrainError, Training};
 use crate::zoo_folders;
 use smaclite_engine::BattleSetup;
 use smaclite_ipc::ClientError;
 use smaclite_units::file::os::to_lock;
-use std::fs::{self, File, TryLockError};
+use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -177,7 +177,7 @@ impl Run {
             rival_folder.as_deref().map(|folder| read_rival::<TrainError>(folder, None, &setup, &lanes[0]));
         let rival = rival.transpose()?;
         let training = Training::new(config, lanes, threads, rival)?;
-        fs::create_dir_all(folder).map_err(|source| FileError::Write { path: folder.to_owned(), source })?;
+        create_folder(folder)?;
         let lock = lock(folder)?;
         check_free()?; // another process may have begun and ended one meanwhile
         remove_incomplete_files(folder)?;
@@ -322,10 +322,8 @@ impl Run {
         }
         let record = self.training.update(interrupted)?;
         if let Some(copy) = self.training.new_copy() {
-            let path = copy_path(&self.folder, copy.number);
-            let folder = self.folder.join(LEAGUE);
-            fs::create_dir_all(&folder).map_err(|source| FileError::Write { path: folder, source })?;
-            write_actor(&path, &copy.actor)?;
+            create_folder(&self.folder.join(LEAGUE))?;
+            write_actor(&copy_path(&self.folder, copy.number), &copy.actor)?;
         }
         self.csv.append(&record)?;
         self.tensorboard.append(&record)?;
@@ -405,12 +403,11 @@ fn copy_path(folder: &Path, updates: u64) -> PathBuf {
     folder.join(LEAGUE).join(format!("{updates:06}.safetensors"))
 }
 
-/// Removes the files that a killed process did not complete. Those of evaluations are removed with the
-/// evaluations that are played again.
+/// Removes the files that a killed process did not complete.
 fn remove_incomplete_files(folder: &Path) -> Result<(), FileError> {
-    [folder.to_owned(), folder.join(OPPONENT), folder.join(LEAGUE)]
+    ["", OPPONENT, LEAGUE, EVALUATION_WEIGHTS]
         .iter()
-        .try_for_each(|folder| remove_incomplete(folder))
+        .try_for_each(|name| remove_incomplete(&folder.join(name)))
 }
 
 /// Locks the folder until the file is dropped.

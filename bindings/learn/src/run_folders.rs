@@ -1,7 +1,8 @@
 //! Folders that hold a run, or several of `train --seeds`.
 
 use crate::description::{DESCRIPTIONS, RunDescription, holds_run, refuse_undescribed};
-use crate::tensors::FileError;
+use crate::tensors::{FileError, entries};
+use std::fs::DirEntry;
 use std::path::{Path, PathBuf};
 
 /// The folder of the run with this seed, in the folder of runs that differ in their seeds.
@@ -59,14 +60,9 @@ fn seed_in(folder: &Path) -> Result<Option<PathBuf>, FileError> {
     if !folder.is_dir() {
         return Ok(None);
     }
-    let error = |source| FileError::Read { path: folder.to_owned(), source };
-    let mut seeds = Vec::new();
-    for entry in std::fs::read_dir(folder).map_err(error)? {
-        let entry = entry.map_err(error)?;
-        let seed =
-            entry.file_name().to_str().and_then(|name| name.strip_prefix("seed-")?.parse::<u64>().ok());
-        seeds.extend(seed.map(|seed| (seed, entry.path())));
-    }
+    let seed = |entry: &DirEntry| entry.file_name().to_str()?.strip_prefix("seed-")?.parse::<u64>().ok();
+    let entries = entries(folder)?.into_iter();
+    let mut seeds: Vec<_> = entries.filter_map(|entry| Some((seed(&entry)?, entry.path()))).collect();
     seeds.sort();
     for (_, path) in seeds {
         if holds_run(&path)? {

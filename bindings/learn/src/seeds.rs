@@ -8,6 +8,7 @@ mod error;
 use crate::config::Config;
 use crate::description::RunDescription;
 use crate::lanes::Lanes;
+use crate::parallel;
 use crate::run::{Run, TrainEvent};
 use crate::run_folders::{held_run, runs_in, seed_folder};
 use crate::training::TrainError;
@@ -15,7 +16,6 @@ pub use error::SeedsError;
 use smaclite_engine::BattleSetup;
 use smaclite_ipc::RuntimeDir;
 use std::path::{Path, PathBuf};
-use std::sync::Mutex;
 
 /// Runs in the subfolders of a folder that differ in their seeds.
 ///
@@ -152,29 +152,15 @@ impl Seeds {
         on_event: &OnTrainEvent<'_>,
     ) -> Vec<(u64, Result<(), TrainError>)> {
         let parallel = threads.clamp(1, self.runs.len().max(1));
-        let queue = Mutex::new(self.runs.iter().enumerate());
-        let next = || queue.lock().unwrap_or_else(std::sync::PoisonError::into_inner).next();
-        let results = Mutex::new(Vec::new());
-        let train = || {
-            while let Some((i, (seed, path))) = next() {
-                let share = self.threads_of(i, parallel, threads);
-                let one = OneRun { path, steps, threads: share, runtime_dir };
-                let result = one.train(&mut || interrupted(), &|event| on_event(*seed, event));
-                let result = (*seed, result.map(|_| ()));
-                results.lock().unwrap_or_else(std::sync::PoisonError::into_inner).push(result);
-            }
-        };
-        std::thread::scope(|scope| {
-            // This thread trains too; where others are refused, fewer runs are trained at a time.
-            for _ in 1..parallel {
-                if std::thread::Builder::new().spawn_scoped(scope, train).is_err() {
-                    break;
-                }
-            }
-            train();
-        });
-        let mut results = results.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
-        results.sort_by_key(|(seed, _)| *seed);
+        let mut results: Vec<_> = self.runs.iter().map(|(seed, _)| (*seed, Ok(()))).collect();
+        let jobs = self.runs.iter().zip(&mut results).enumerate();
+        // A run asks itself whether to stop, and leaves its files complete.
+        let _ =
+            parallel::run(jobs, &mut vec![(); parallel], &mut || false, |(i, ((seed, path), one)), ()| {
+                let (threads, on_event) =
+                    (self.threads_of(i, parallel, threads), |event| on_event(*seed, event));
+                one.1 = train_one(path, steps, threads, runtime_dir, &mut || interrupted(), &on_event);
+            });
         results
     }
 
@@ -239,33 +225,22 @@ fn not_begun(folder: &Path, seed: u64, count: u64, source: TrainError) -> SeedsE
     SeedsError::NotBegun { seed, folder: folder.to_owned(), count, source: Box::new(source) }
 }
 
-/// A run that is to be trained.
-struct OneRun<'a> {
-    path: &'a Path,
+/// Trains a run, as [`Run::train`].
+fn train_one(
+    path: &Path,
     steps: Option<u64>,
     threads: usize,
-    runtime_dir: &'a RuntimeDir,
-}
-
-impl OneRun<'_> {
-    /// As [`Run::train`].
-    fn train(
-        &self,
-        interrupted: &mut dyn FnMut() -> bool,
-        on_event: &dyn Fn(TrainEvent),
-    ) -> Result<bool, TrainError> {
-        if interrupted() {
-            return Ok(false); // the run is as it was
-        }
-        let mut run = Run::resume_on_maps(self.path, self.steps, self.lanes()?, self.threads)?;
-        run.train(interrupted, on_event)
+    runtime_dir: &RuntimeDir,
+    interrupted: &mut dyn FnMut() -> bool,
+    on_event: &dyn Fn(TrainEvent),
+) -> Result<(), TrainError> {
+    if interrupted() {
+        return Ok(()); // the run is as it was
     }
-
-    fn lanes(&self) -> Result<Vec<Lanes>, TrainError> {
-        let run = RunDescription::read(self.path)?;
-        let workers = (self.threads - 1).max(1);
-        Ok(Lanes::start_maps(&run.lanes_setups(), &run.config, workers, self.runtime_dir)?)
-    }
+    let run = RunDescription::read(path)?;
+    let workers = (threads - 1).max(1);
+    let lanes = Lanes::start_maps(&run.lanes_setups(), &run.config, workers, runtime_dir)?;
+    Run::resume_on_maps(path, steps, lanes, threads)?.train(interrupted, on_event).map(|_| ())
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@ use safetensors::tensor::TensorView;
 use safetensors::{Dtype, SafeTensorError, SafeTensors};
 use smaclite_units::file::{shown_reason, write_whole};
 use std::collections::HashMap;
-use std::fs;
+use std::fs::{self, DirEntry};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -142,6 +142,20 @@ pub(crate) fn remove(path: &Path) -> Result<(), FileError> {
     }
 }
 
+/// Makes a folder, and those that it is in.
+pub(crate) fn create_folder(path: &Path) -> Result<(), FileError> {
+    fs::create_dir_all(path).map_err(|source| FileError::Write { path: path.to_owned(), source })
+}
+
+/// What is in a folder; nothing if it does not exist.
+pub(crate) fn entries(folder: &Path) -> Result<Vec<DirEntry>, FileError> {
+    let error = |source| FileError::Read { path: folder.to_owned(), source };
+    match fs::read_dir(folder) {
+        Err(source) if source.kind() == io::ErrorKind::NotFound => Ok(Vec::new()),
+        entries => entries.map_err(error)?.collect::<Result<_, _>>().map_err(error),
+    }
+}
+
 /// Whether there is such a file, in a folder or in the zoo.
 pub(crate) fn exists(path: &Path) -> bool {
     zoo_file(path).is_some() || path.exists()
@@ -174,13 +188,7 @@ pub(crate) fn read_text(path: &Path) -> Result<String, FileError> {
 
 /// Removes the files that a killed process did not complete; [`write`] gives them such names.
 pub(crate) fn remove_incomplete(folder: &Path) -> Result<(), FileError> {
-    let error = |source| FileError::Read { path: folder.to_owned(), source };
-    let entries = match fs::read_dir(folder) {
-        Err(source) if source.kind() == io::ErrorKind::NotFound => return Ok(()),
-        entries => entries.map_err(error)?,
-    };
-    for entry in entries {
-        let entry = entry.map_err(error)?;
+    for entry in entries(folder)? {
         let is_file = entry.file_type().is_ok_and(|kind| kind.is_file());
         if is_file && entry.file_name().as_encoded_bytes().starts_with(b".tmp") {
             remove(&entry.path())?;

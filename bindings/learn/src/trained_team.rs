@@ -27,20 +27,16 @@ pub struct TrainedTeam {
 /// A team has networks for units of other numbers or kinds.
 #[derive(Debug, PartialEq, thiserror::Error)]
 #[error(
-    "the team was trained in `{trained_in}` and plays {expected} units with {expected_actions} actions and \
-     observations of {expected_obs} numbers, but the {side} of this scenario are {given} with \
-     {given_actions} and {given_obs}; a team plays the enemies only of scenarios whose two sides have equal \
-     sizes"
+    "the team was trained in `{trained_in}` and plays {} units with {} actions and observations of {} numbers, \
+     but the {side} of this scenario are {} with {} and {}; a team plays the enemies only of scenarios whose \
+     two sides have equal sizes",
+    expected.n_agents, expected.n_actions, expected.obs_size, given.n_agents, given.n_actions, given.obs_size
 )]
 pub struct UnfitTeam {
     trained_in: String,
     side: &'static str,
-    expected: usize,
-    expected_actions: usize,
-    expected_obs: usize,
-    given: usize,
-    given_actions: usize,
-    given_obs: usize,
+    expected: Sizes,
+    given: Sizes,
 }
 
 impl TrainedTeam {
@@ -138,22 +134,14 @@ impl TrainedTeam {
     /// # Errors
     /// If it has not.
     pub fn check(&self, arena: &Arena, side: Faction) -> Result<(), UnfitTeam> {
-        let own = self.run.sizes;
+        let expected = self.run.sizes;
         let given = sizes_with_history(arena.sizes_of(side), self.run.config.last_actions);
         let shape = |sizes: Sizes| (sizes.n_agents, sizes.n_actions, sizes.obs_size);
-        if shape(own) == shape(given) {
+        if shape(expected) == shape(given) {
             return Ok(());
         }
-        Err(UnfitTeam {
-            trained_in: self.run.name.clone(),
-            side: if side == Faction::Ally { "agents" } else { "enemies" },
-            expected: own.n_agents,
-            expected_actions: own.n_actions,
-            expected_obs: own.obs_size,
-            given: given.n_agents,
-            given_actions: given.n_actions,
-            given_obs: given.obs_size,
-        })
+        let side = if side == Faction::Ally { "agents" } else { "enemies" };
+        Err(UnfitTeam { trained_in: self.run.name.clone(), side, expected, given })
     }
 
     /// The network's outputs, f32 `[m, n_agents, n_actions]`, for the observations of `m` battles, f32

@@ -2,7 +2,7 @@
 
 use crate::description::OtherMap;
 use crate::run_folders::held_run;
-use crate::tensors::{FileError, write};
+use crate::tensors::{FileError, create_folder, write};
 use crate::zoo::{PREFIX, folder, zoo_file, zoo_teams};
 use std::path::{Path, PathBuf};
 
@@ -26,15 +26,20 @@ pub fn export_zoo_team(scenario: &str, to: &Path) -> Result<(), ExportError> {
     if !zoo_teams().any(|team| team == name) {
         return Err(FileError::NotInZoo { name: name.to_owned() }.into());
     }
-    if let Some(folder) = held_run(to)? {
-        return Err(ExportError::HoldsRun { folder });
-    }
-    std::fs::create_dir_all(to).map_err(|source| FileError::Write { path: to.to_owned(), source })?;
+    create_team_folder(to)?;
     // The description last: a folder without it is not a run.
     for file in ["best.safetensors", "card.json", "run.json"] {
         write(&to.join(file), zoo_file(&folder(name).join(file)).unwrap_or_default())?;
     }
     Ok(())
+}
+
+/// Makes a folder for a team, which must not hold a run.
+pub(crate) fn create_team_folder(folder: &Path) -> Result<(), ExportError> {
+    match held_run(folder)? {
+        Some(folder) => Err(ExportError::HoldsRun { folder }),
+        None => Ok(create_folder(folder)?),
+    }
 }
 
 /// Why a team cannot be written to a folder.

@@ -11,15 +11,15 @@ use crate::description::{BEST, EVALUATIONS};
 use crate::policy::Choice;
 use crate::rollout::Episode;
 use crate::team::Team;
-use crate::tensors::{FileError, read_text, remove};
+use crate::tensors::{FileError, create_folder, entries, read_text, remove};
 use std::collections::HashMap;
-use std::fs::{self, OpenOptions};
-use std::io::{self, Write};
+use std::fs::OpenOptions;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 
 /// Names of the other files.
 const EPISODES: &str = "evaluation_episodes.csv";
-const WEIGHTS: &str = "evaluations";
+pub(crate) const EVALUATION_WEIGHTS: &str = "evaluations";
 
 /// The header of the episodes.
 const EPISODE_COLUMNS: &str = "steps,actions,episode,return,length,won\n";
@@ -65,7 +65,7 @@ impl EvaluationFiles {
         for (name, text) in [(EVALUATIONS, header + &lines), (EPISODES, episodes)] {
             crate::tensors::write(&files.folder.join(name), text.as_bytes())?;
         }
-        for path in weights_in(&files.folder.join(WEIGHTS))? {
+        for path in weights_in(&files.folder.join(EVALUATION_WEIGHTS))? {
             if !steps_of(&path).is_some_and(stays) {
                 remove(&path)?;
             }
@@ -130,7 +130,7 @@ impl EvaluationFiles {
     /// # Errors
     /// If they cannot be read or removed.
     pub fn clear(folder: &Path) -> Result<(), FileError> {
-        for path in weights_in(&folder.join(WEIGHTS))? {
+        for path in weights_in(&folder.join(EVALUATION_WEIGHTS))? {
             remove(&path)?;
         }
         for name in [EVALUATIONS, EPISODES, BEST] {
@@ -146,7 +146,7 @@ impl EvaluationFiles {
 
     /// The file with the weights of an evaluation.
     pub fn weights(&self, steps: u64) -> PathBuf {
-        self.folder.join(WEIGHTS).join(format!("{steps:012}.safetensors"))
+        self.folder.join(EVALUATION_WEIGHTS).join(format!("{steps:012}.safetensors"))
     }
 
     /// Writes the weights of an evaluation, in a folder that exists from the first one on.
@@ -154,8 +154,7 @@ impl EvaluationFiles {
     /// # Errors
     /// If they cannot be written.
     pub(crate) fn write_weights(&self, steps: u64, team: &Team) -> Result<(), FileError> {
-        let folder = self.folder.join(WEIGHTS);
-        fs::create_dir_all(&folder).map_err(|source| FileError::Write { path: folder, source })?;
+        create_folder(&self.folder.join(EVALUATION_WEIGHTS))?;
         write_weights(&self.weights(steps), team)
     }
 
@@ -163,7 +162,7 @@ impl EvaluationFiles {
     ///
     /// # Errors
     /// If the files cannot be written.
-    pub fn append(&self, row: &EvaluationRow, episodes: [&[Episode]; 2]) -> Result<(), FileError> {
+    pub(crate) fn append(&self, row: &EvaluationRow, episodes: &BothEpisodes) -> Result<(), FileError> {
         let mut text = String::new();
         for (actions, episodes) in Choice::BOTH.into_iter().zip(episodes) {
             for (i, episode) in episodes.iter().enumerate() {
@@ -299,19 +298,10 @@ fn steps_of(path: &Path) -> Option<u64> {
     path.file_name()?.to_str()?.strip_suffix(".safetensors")?.parse().ok()
 }
 
-/// The files of weights in a folder, and those of weights that a killed process did not complete; none if it
-/// does not exist. Other files are not those of a run.
-fn weights_in(folder: &Path) -> Result<Vec<PathBuf>, FileError> {
-    let error = |source| FileError::Read { path: folder.to_owned(), source };
-    let entries = match fs::read_dir(folder) {
-        Err(source) if source.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
-        entries => entries.map_err(error)?,
-    };
-    let paths = entries.map(|entry| entry.map(|entry| entry.path()).map_err(error));
-    let is_incomplete =
-        |path: &Path| path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b".tmp"));
-    let is_ours = |path: &PathBuf| steps_of(path).is_some() || is_incomplete(path);
-    paths.filter(|path| path.as_ref().map_or(true, is_ours)).collect()
+/// The files of weights in a folder. Other files are not those of a run.
+fn weights_in(folder: &Path) -> Result<impl Iterator<Item = PathBuf>, FileError> {
+    let paths = entries(folder)?.into_iter().map(|entry| entry.path());
+    Ok(paths.filter(|path| steps_of(path).is_some()))
 }
 
 fn append(path: &Path, text: &str) -> Result<(), FileError> {

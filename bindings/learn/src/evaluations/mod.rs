@@ -23,8 +23,10 @@ use crate::cpu_timer::CpuTimer;
 use crate::description::{BEST, RunDescription};
 use crate::parallel::Interrupted;
 use crate::policy::Choice;
+use crate::team::Network;
 use crate::tensors::{FileError, read, remove, write};
 use crate::training::TrainError;
+pub(crate) use files::EVALUATION_WEIGHTS;
 pub use files::{BothEpisodes, EvaluationFiles, on_map};
 pub use final_result::FinalResult;
 pub use play::{Evaluator, Occasion};
@@ -125,23 +127,19 @@ impl Evaluations {
         // that was resumed with more steps can be set back.
         remove(&FinalResult::path(&self.folder))?;
         self.files.write_weights(steps, &state.team)?;
-        let played = Choice::BOTH.map(|actions| {
-            let occasion = Occasion::Training { steps };
-            self.evaluator.play(&state.team.actor, occasion, actions, EVALUATION_EPISODES, interrupted)
-        });
-        let [greedy, sampled] = played;
-        let (greedy, sampled) = (greedy.map_err(stop)?, sampled.map_err(stop)?);
-        let progress = state.progress;
+        let (occasion, progress) = (Occasion::Training { steps }, state.progress);
+        let played = self.both(&state.team.actor, occasion, EVALUATION_EPISODES, interrupted)?;
+        let [greedy, sampled] = played.each_ref().map(|episodes| Summary::of(episodes));
         let row = EvaluationRow {
             steps,
             trained_steps: progress.steps,
             updates: progress.updates,
-            greedy: Summary::of(&greedy),
-            sampled: Summary::of(&sampled),
+            greedy,
+            sampled,
             seconds: progress.seconds,
             cpu_seconds: progress.cpu_seconds,
         };
-        self.files.append(&row, [&greedy, &sampled])?;
+        self.files.append(&row, &played)?;
         self.rows.push(row);
         if EvaluationRow::best(&self.rows).is_some_and(|best| best.steps == steps) {
             write(&self.folder.join(BEST), &read(&self.files.weights(steps))?)?;
@@ -159,12 +157,23 @@ impl Evaluations {
         let (false, Some(best)) = (path.exists(), EvaluationRow::best(&self.rows)) else { return Ok(()) };
         let _timer = CpuTimer::start();
         let actor = read_actor(&self.folder.join(BEST), state.team.actor.architecture.clone())?;
-        let [greedy, sampled] = Choice::BOTH.map(|actions| {
-            self.evaluator.play(&actor, Occasion::Final, actions, FINAL_EPISODES, interrupted)
-        });
-        let episodes = [greedy.map_err(stop)?, sampled.map_err(stop)?];
-        FinalResult::new(best, state.progress, episodes).write(&path)?;
-        Ok(())
+        let best = *best;
+        let played = self.both(&actor, Occasion::Final, FINAL_EPISODES, interrupted)?;
+        Ok(FinalResult::new(&best, state.progress, played).write(&path)?)
+    }
+
+    /// Plays so many episodes with either kind of actions.
+    fn both(
+        &mut self,
+        actor: &Network,
+        occasion: Occasion,
+        episodes: usize,
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> Result<BothEpisodes, TrainError> {
+        let play = |actions| self.evaluator.play(actor, occasion, actions, episodes, interrupted);
+        let [greedy, sampled] = Choice::BOTH.map(play);
+        let stop = |Interrupted| TrainError::Client(ClientError::Interrupted);
+        Ok([greedy.map_err(stop)?, sampled.map_err(stop)?])
     }
 
     /// A run that was killed may have best weights of an evaluation after its checkpoint, which is not
@@ -180,8 +189,4 @@ impl Evaluations {
         }
         Ok(())
     }
-}
-
-fn stop(_: Interrupted) -> TrainError {
-    TrainError::Client(ClientError::Interrupted)
 }

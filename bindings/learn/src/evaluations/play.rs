@@ -12,6 +12,7 @@ use crate::team::{Network, Team};
 use crate::tensors::FileError;
 use crate::trained_team::TrainedTeam;
 use smaclite_engine::{Faction, Opponent, Scratch};
+use std::fmt::Display;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -69,6 +70,10 @@ struct Meeting {
 impl Meeting {
     /// Of a run in a folder, on this map alone.
     fn open(folder: &Path, run: RunDescription) -> Result<Meeting, FileError> {
+        let damaged = |path: &Path, why: &dyn Display| FileError::Damaged {
+            path: path.join("run.json"),
+            why: why.to_string(),
+        };
         let (setup, enemies) = match &run.config.enemies {
             // What plays inside the engine has no seat; any script stands for it.
             Enemies::Scripts | Enemies::SelfPlay(_) => {
@@ -76,22 +81,15 @@ impl Meeting {
             }
             Enemies::Team { .. } => {
                 let (opponent, weights) = (folder.join(OPPONENT), Some(Weights::Last));
-                let team =
-                    TrainedTeam::open_enemies(&opponent, weights, &run.setup).map_err(
-                        |error| match error {
-                            OtherMap::File(error) => error,
-                            other => {
-                                FileError::Damaged { path: opponent.join("run.json"), why: other.to_string() }
-                            }
-                        },
-                    )?;
+                let team = TrainedTeam::open_enemies(&opponent, weights, &run.setup);
+                let team = team.map_err(|error| match error {
+                    OtherMap::File(error) => error,
+                    other => damaged(&opponent, &other),
+                })?;
                 (run.lanes_setup(), Player::Team(Box::new(team)))
             }
         };
-        let (_, arena) = with_an_end(setup).arena().map_err(|problems| {
-            let path = folder.join("run.json");
-            FileError::Damaged { path, why: problems.to_string() }
-        })?;
+        let (_, arena) = with_an_end(setup).arena().map_err(|problems| damaged(folder, &problems))?;
         let network = run.playing(Team::new(&run.config, &run.inputs).actor);
         let team = Player::Team(Box::new(TrainedTeam { run, network }));
         let pairing = Pairing { agents: 0, enemies: 1, arena: Arc::new(arena), is_exchanged: false };
