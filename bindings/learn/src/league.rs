@@ -142,16 +142,7 @@ mod tests {
     use smaclite_engine::Sizes;
 
     fn rival(number: u64, win_rate: f64) -> Rival {
-        let sizes = Sizes {
-            n_agents: 2,
-            n_enemies: 2,
-            n_actions: 8,
-            obs_size: 3,
-            state_size: 4,
-            perception_size: 0,
-            n_phases: 0,
-            enemies: None,
-        };
+        let sizes = Sizes { n_agents: 2, n_actions: 8, obs_size: 3, state_size: 4, ..Sizes::default() };
         let actor = Team::new(&Config { hidden: vec![4], ..Config::for_agents(3) }, &sizes.into()).actor;
         Rival { win_rate, ..Rival::new(number, actor) }
     }

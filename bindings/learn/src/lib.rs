@@ -43,6 +43,8 @@ mod evaluate;
 mod evaluations;
 mod gae;
 mod gradient;
+#[cfg(test)]
+mod gradient_check;
 mod lane_error;
 mod lane_opponents;
 mod lanes;

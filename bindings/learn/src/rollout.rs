@@ -156,16 +156,7 @@ mod tests {
 
     #[test]
     fn resets_and_agents_without_a_choice_are_not_learnt() {
-        let sizes = Sizes {
-            n_agents: 2,
-            n_enemies: 1,
-            n_actions: 7,
-            obs_size: 1,
-            state_size: 1,
-            perception_size: 0,
-            n_phases: 0,
-            enemies: None,
-        };
+        let sizes = Sizes { n_agents: 2, n_actions: 7, obs_size: 1, state_size: 1, ..Sizes::default() };
         let config = Config { horizon: 2, num_envs: 1, ..Config::for_agents(3) };
         let mut rollout = Rollout::new(&config, sizes);
         rollout.masks[..5].fill(1); // step 0, agent 0
@@ -181,17 +172,9 @@ mod tests {
     /// The steps of an environment count once, whoever learns from them.
     #[test]
     fn enemies_have_seats_behind_those_of_allies() {
-        let enemies = EnemySizes { n_actions: 7, obs_size: 1, state_size: 1 };
-        let sizes = Sizes {
-            n_agents: 1,
-            n_enemies: 1,
-            n_actions: 7,
-            obs_size: 1,
-            state_size: 1,
-            perception_size: 0,
-            n_phases: 0,
-            enemies: Some(enemies),
-        };
+        let enemies = Some(EnemySizes { n_actions: 7, obs_size: 1, state_size: 1 });
+        let sizes = Sizes { n_agents: 1, n_actions: 7, obs_size: 1, state_size: 1, ..Sizes::default() };
+        let sizes = Sizes { n_enemies: 1, enemies, ..sizes };
         let enemies = Enemies::SelfPlay(SelfPlay::LEAGUE);
         let config = Config { horizon: 2, num_envs: 3, enemies, ..Config::for_agents(3) };
         let mut rollout = Rollout::new(&config, sizes);

@@ -133,16 +133,7 @@ mod tests {
 
     #[test]
     fn a_change_of_the_returns_changes_no_prediction() {
-        let sizes = Sizes {
-            n_agents: 2,
-            n_enemies: 1,
-            n_actions: 7,
-            obs_size: 4,
-            state_size: 5,
-            perception_size: 0,
-            n_phases: 0,
-            enemies: None,
-        };
+        let sizes = Sizes { n_agents: 2, n_actions: 7, obs_size: 4, state_size: 5, ..Sizes::default() };
         for algorithm in [Algorithm::Mappo, Algorithm::Ippo] {
             let mut team = Team::new(&Config { algorithm, ..Config::for_agents(3) }, &sizes.into());
             let x: Vec<f32> = (0..20).map(|i| i as f32 / 10.0).collect();

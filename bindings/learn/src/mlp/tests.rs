@@ -1,8 +1,10 @@
-//! Tests of `mlp`: the same network written with loops in f64, whose finite differences are the gradient.
+//! Tests of `mlp`.
 
 use super::*;
+use crate::architecture::Architecture;
+use crate::gradient_check::{self, randoms};
 use crate::linear::orthogonal;
-use crate::random::{Purpose, generator, uniform};
+use crate::random::{Purpose, generator};
 
 /// The network with loops, in f64.
 fn naive(mlp: &Mlp, params: &[f64], x: &[f64], id: Option<usize>) -> Vec<f64> {
@@ -29,39 +31,9 @@ fn naive(mlp: &Mlp, params: &[f64], x: &[f64], id: Option<usize>) -> Vec<f64> {
 
 fn check(rows: usize, hidden: &[usize], n_ids: usize, activation: Activation) {
     let mlp = Mlp::new(5, hidden, 3, n_ids, activation);
-    let mut generator = generator(7, Purpose::Weights, [0, 0]);
-    let mut random = |n: usize| (0..n).map(|_| 2.0 * uniform(&mut generator) - 1.0).collect::<Vec<f32>>();
-    let (params, x) = (random(mlp.n_params()), random(rows * 5));
     let ids: Vec<u16> = (0..rows).map(|row| (row % n_ids.max(1)) as u16).collect();
-    // The loss is the sum of the outputs, each times a random number.
-    let factors = random(rows * mlp.padded_out());
-    let wide: Vec<f64> = params.iter().map(|p| f64::from(*p)).collect();
-    let loss = |params: &[f64]| -> f64 {
-        let of_row = |row: usize| {
-            let x: Vec<f64> = x[row * 5..][..5].iter().map(|x| f64::from(*x)).collect();
-            let outputs = naive(&mlp, params, &x, (n_ids > 0).then_some(row % n_ids.max(1)));
-            let factors = &factors[row * mlp.padded_out()..];
-            outputs.iter().zip(factors).map(|(z, factor)| z * f64::from(*factor)).sum::<f64>()
-        };
-        (0..rows).map(of_row).sum()
-    };
-    let (mut workspace, mut gradient) = (Workspace::default(), vec![0.0; mlp.n_params()]);
-    mlp.forward(&params, &x, &ids, &mut workspace);
-    let outputs = workspace.output();
-    let computed: f64 = outputs.iter().zip(&factors).map(|(z, f)| f64::from(*z) * f64::from(*f)).sum();
-    assert!((computed - loss(&wide)).abs() < 1e-4, "{computed} {}", loss(&wide));
-    outputs.copy_from_slice(&factors);
-    mlp.backward(&params, &x, &ids, &mut workspace, &mut gradient);
-    for i in 0..mlp.n_params() {
-        let at = |change: f64| {
-            let mut params = wide.clone();
-            params[i] += change;
-            loss(&params)
-        };
-        let expected = (at(1e-6) - at(-1e-6)) / 2e-6;
-        let error = (f64::from(gradient[i]) - expected).abs();
-        assert!(error < 1e-4 * (1.0 + expected.abs()), "parameter {i}: {} {expected}", gradient[i]);
-    }
+    let outputs = |params: &[f64], x: &[f64], id| naive(&mlp, params, x, (n_ids > 0).then_some(id));
+    gradient_check::check(&Architecture::Flat(mlp.clone()), (&randoms(8, rows * 5), &ids), outputs, 1e-4);
 }
 
 #[test]

@@ -11,16 +11,9 @@ use crate::rollout::Rollout;
 use crate::team::agent_ids;
 use smaclite_engine::Sizes;
 
-const SIZES: Sizes = Sizes {
-    n_agents: 2,
-    n_enemies: 1,
-    n_actions: 3,
-    obs_size: 3,
-    state_size: 6,
-    perception_size: 0,
-    n_phases: 0,
-    enemies: None,
-};
+fn sizes() -> Sizes {
+    Sizes { n_agents: 2, n_actions: 3, obs_size: 3, state_size: 6, ..Sizes::default() }
+}
 
 fn config(algorithm: Algorithm) -> Config {
     Config { algorithm, num_envs: 16, horizon: 8, hidden: vec![16], ..Config::for_agents(3) }
@@ -28,7 +21,7 @@ fn config(algorithm: Algorithm) -> Config {
 
 /// Plays one rollout. The share of right actions is its mean reward, divided by the number of agents.
 fn play(team: &Team, config: &Config, update: u64) -> Rollout {
-    let mut rollout = Rollout::new(config, SIZES);
+    let mut rollout = Rollout::new(config, sizes());
     let mut generator = generator(config.seed, Purpose::Evaluation, [update, 0]);
     let n_rows = rollout.actions.len();
     for (row, obs) in rollout.obs.chunks_exact_mut(3).enumerate() {
@@ -63,7 +56,7 @@ fn share_of_right_actions(rollout: &Rollout) -> f32 {
 fn right_actions_become_more_probable() {
     for algorithm in [Algorithm::Mappo, Algorithm::Ippo] {
         let config = Config { actor_lr: 5e-3, ..config(algorithm) };
-        let mut team = Team::new(&config, &SIZES.into());
+        let mut team = Team::new(&config, &sizes().into());
         let mut ppo = Ppo::new(2);
         assert!(share_of_right_actions(&play(&team, &config, 0)) < 0.5);
         let mut stats = UpdateStats::default();
@@ -80,7 +73,7 @@ fn right_actions_become_more_probable() {
 #[test]
 fn the_number_of_threads_changes_no_bit() {
     let config = config(Algorithm::Mappo);
-    let first = Team::new(&config, &SIZES.into());
+    let first = Team::new(&config, &sizes().into());
     let rollout = play(&first, &config, 0);
     let train = |threads| {
         let mut team = first.clone();
@@ -95,7 +88,7 @@ fn the_number_of_threads_changes_no_bit() {
 #[test]
 fn an_observation_that_is_no_number_is_reported() {
     let config = config(Algorithm::Mappo);
-    let mut team = Team::new(&config, &SIZES.into());
+    let mut team = Team::new(&config, &sizes().into());
     let mut rollout = play(&team, &config, 0);
     rollout.obs[0] = f32::NAN;
     let error = Ppo::new(1).update(&mut team, played(&rollout), &config, 7, 0, &mut || false).unwrap_err();
@@ -110,7 +103,7 @@ fn an_observation_that_is_no_number_is_reported() {
 #[test]
 fn a_rollout_without_choices_trains_the_critic_alone() {
     let config = config(Algorithm::Mappo);
-    let first = Team::new(&config, &SIZES.into());
+    let first = Team::new(&config, &sizes().into());
     let mut rollout = play(&first, &config, 0);
     rollout.masks.chunks_exact_mut(WIDTH).for_each(|mask| mask[1..].fill(0));
     let mut team = first.clone();

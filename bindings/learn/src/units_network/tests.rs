@@ -1,8 +1,9 @@
-//! Tests of networks over units: the same network written with loops in f64, whose finite differences are the
-//! gradient; and what must hold of units whose rows change places or are not seen.
+//! Tests of networks over units: their gradients, and what must hold of units whose rows change places or are not seen.
 
 use super::*;
-use crate::random::{Purpose, generator, uniform};
+use crate::architecture::Architecture;
+use crate::gradient_check::{self, randoms};
+use crate::random::{Purpose, generator};
 use smaclite_engine::UnitRows;
 use std::collections::HashMap;
 
@@ -29,11 +30,6 @@ fn critic(activation: Activation) -> UnitsNetwork {
 
 fn actor(activation: Activation) -> UnitsNetwork {
     UnitsNetwork::new(N_IN, layout(), Some(targets()), [6, 5], activation)
-}
-
-fn randoms(seed: u64, n: usize) -> Vec<f32> {
-    let mut generator = generator(seed, Purpose::Weights, [0, 0]);
-    (0..n).map(|_| 2.0 * uniform(&mut generator) - 1.0).collect()
 }
 
 /// Inputs of four agents in some environments: the third heals, and a third of the units are not seen.
@@ -125,56 +121,18 @@ impl Naive {
     }
 }
 
-fn check(network: &UnitsNetwork, rows: usize) {
-    let params = randoms(7, network.n_params());
+fn check(network: UnitsNetwork, rows: usize) {
     let (x, ids) = inputs(rows);
-    let padded = network.padded_out();
-    // The loss is the sum of the outputs, each times a random number.
-    let factors = randoms(9, rows * padded);
-    let wide: Vec<f64> = params.iter().map(|p| f64::from(*p)).collect();
-    let loss = |params: &[f64]| -> f64 {
-        let naive = Naive::of(network, params);
-        let of_row = |row: usize| {
-            let x: Vec<f64> = x[row * N_IN..][..N_IN].iter().map(|x| f64::from(*x)).collect();
-            let outputs = naive.outputs(network, &x, usize::from(ids[row]));
-            outputs.iter().zip(&factors[row * padded..]).map(|(z, f)| z * f64::from(*f)).sum::<f64>()
-        };
-        (0..rows).map(of_row).sum()
-    };
-    let (mut workspace, mut gradient) = (Workspace::default(), vec![0.0; network.n_params()]);
-    // Memory of a larger pass before changes nothing.
-    let (more, more_ids) = inputs(rows + 3);
-    network.forward(&params, &more, &more_ids, &mut workspace);
-    network.backward(&params, &mut workspace, &mut vec![0.0; network.n_params()]);
-    network.forward(&params, &x, &ids, &mut workspace);
-    let outputs = workspace.output();
-    assert_eq!(outputs.len(), rows * padded);
-    let computed: f64 = outputs.iter().zip(&factors).map(|(z, f)| f64::from(*z) * f64::from(*f)).sum();
-    assert!((computed - loss(&wide)).abs() < 1e-3, "{computed} {}", loss(&wide));
-    outputs.copy_from_slice(&factors);
-    network.backward(&params, &mut workspace, &mut gradient);
-    let mut is_used = vec![false; network.n_params()];
-    for tensor in network.tensors() {
-        is_used[tensor.range].fill(true);
-    }
-    for i in (0..network.n_params()).filter(|i| is_used[*i]) {
-        let at = |change: f64| {
-            let mut params = wide.clone();
-            params[i] += change;
-            loss(&params)
-        };
-        let expected = (at(1e-6) - at(-1e-6)) / 2e-6;
-        let error = (f64::from(gradient[i]) - expected).abs();
-        assert!(error < 1e-3 * (1.0 + expected.abs()), "parameter {i}: {} {expected}", gradient[i]);
-    }
+    let outputs = |params: &[f64], x: &[f64], agent| Naive::of(&network, params).outputs(&network, x, agent);
+    gradient_check::check(&Architecture::Units(Box::new(network.clone())), (&x, &ids), outputs, 1e-3);
 }
 
 #[test]
 fn gradients_equal_finite_differences() {
     for activation in [Activation::Relu, Activation::Tanh] {
         for rows in [1, 9] {
-            check(&actor(activation), rows);
-            check(&critic(activation), rows);
+            check(actor(activation), rows);
+            check(critic(activation), rows);
         }
     }
 }
@@ -186,7 +144,7 @@ fn a_state_without_enemies_or_rest_has_gradients_too() {
         allies: UnitRows { count: 4, parts: vec![(0, 4)] },
         rest: vec![],
     };
-    check(&UnitsNetwork::new(N_IN, of_agents, None, [3, 4], Activation::Relu), 5);
+    check(UnitsNetwork::new(N_IN, of_agents, None, [3, 4], Activation::Relu), 5);
 }
 
 /// The outputs of rows of agents with the first parameters of an actor, its last layers not small.

@@ -5,6 +5,7 @@ mod kit;
 mod maps;
 mod seeds;
 mod self_play;
+mod single_battles;
 
 use crate::kit::{Place, check_resumed, complete, evaluated, scenario, small};
 use serde_json::Value;

@@ -13,7 +13,7 @@ fn universal(config: Config) -> Config {
     Config { hidden, algorithm: Algorithm::Mappo, ..config.with_network(NetworkKind::Universal) }
 }
 
-fn setups(names: &[&str]) -> Vec<BattleSetup> {
+pub fn setups(names: &[&str]) -> Vec<BattleSetup> {
     names.iter().map(|name| resolve_scenario(name, Rules::default()).unwrap()).collect()
 }
 
@@ -21,7 +21,7 @@ fn lanes(place: &Place, setups: &[BattleSetup], config: &Config, threads: usize)
     Lanes::start_maps(setups, config, threads, &place.runtime_dir).unwrap()
 }
 
-fn begin(place: &Place, name: &str, setups: &[BattleSetup], config: &Config, threads: usize) -> Run {
+pub fn begin(place: &Place, name: &str, setups: &[BattleSetup], config: &Config, threads: usize) -> Run {
     let maps = setups.iter().cloned().zip(lanes(place, setups, config, threads)).collect();
     Run::begin_on_maps(&place.path(name), config.clone(), maps, threads).unwrap()
 }

@@ -1,26 +1,17 @@
 //! A team in a single battle acts as it does in the lanes of an evaluation.
 
+use crate::kit::{Place, complete, evaluation};
+use crate::maps::{begin, setups};
 use smaclite_engine::{Battle, EnemySide, Rules, Scratch, Sides};
-use smaclite_ipc::RuntimeDir;
-use smaclite_learn::{
-    Config, Evaluation, EvaluationEvent, Lanes, NetworkKind, Run, TrainedTeam, evaluate, resolve_scenario,
-};
+use smaclite_learn::{Config, EvaluationEvent, NetworkKind, TrainedTeam, evaluate, resolve_scenario};
 use smaclite_scenarios::Faction;
-use std::path::PathBuf;
 use std::sync::Arc;
 
-/// The folder of a short run, whose agents observe their last two actions.
-fn team(folder: &tempfile::TempDir, map: &str, network: NetworkKind) -> (PathBuf, RuntimeDir) {
-    let runtime_dir = RuntimeDir::at(folder.path().join("pools")).unwrap();
+/// A short run, whose agents observe their last two actions.
+fn train(place: &Place, map: &str, network: NetworkKind) {
     let small = Config { num_envs: 4, horizon: 8, minibatches: 2, ..Config::for_agents(3) };
     let config = Config { steps: 64, last_actions: 2, ..small }.with_network(network);
-    let scenario = resolve_scenario(map, Rules::Smaclite).unwrap();
-    let lanes = Lanes::start(&scenario, 4, 2, 1, &runtime_dir).unwrap();
-    let path = folder.path().join("run");
-    let mut run = Run::begin(&path, config, &scenario, lanes, 1).unwrap();
-    while run.update(&mut || false).unwrap().is_some() {}
-    run.checkpoint().unwrap();
-    (path, runtime_dir)
+    complete(begin(place, "run", &setups(&[map]), &config, 1));
 }
 
 #[test]
@@ -32,26 +23,16 @@ fn a_team_acts_alike_in_a_lane_and_in_a_battle() {
 }
 
 fn check_acts_alike(map: &str, network: NetworkKind) {
-    let folder = tempfile::tempdir().unwrap();
-    let (path, runtime_dir) = team(&folder, map, network);
-    let (opponents, opponent_team, weights) = (None, None, None);
-    let evaluation = Evaluation {
-        episodes: 1,
-        seed: 5,
-        weights,
-        greedy: false,
-        threads: 1,
-        opponents,
-        opponent_team,
-        map: None,
-    };
+    let place = Place::new();
+    train(&place, map, network);
+    let path = place.path("run");
     let mut expected: Vec<Vec<i32>> = Vec::new();
     let mut note = |event: EvaluationEvent| {
         if let EvaluationEvent::Step { actions, .. } = event {
             expected.push(actions.to_vec());
         }
     };
-    evaluate(&path, evaluation, &runtime_dir, &mut || false, &mut note).unwrap();
+    evaluate(&path, evaluation(1), &place.runtime_dir, &mut || false, &mut note).unwrap();
     assert!(expected.len() > 5);
 
     let player = TrainedTeam::open(&path).unwrap();
@@ -70,8 +51,9 @@ fn check_acts_alike(map: &str, network: NetworkKind) {
 
 #[test]
 fn a_team_plays_enemies_that_are_like_its_agents() {
-    let folder = tempfile::tempdir().unwrap();
-    let player = TrainedTeam::open(&team(&folder, "3m", NetworkKind::Flat).0).unwrap();
+    let place = Place::new();
+    train(&place, "3m", NetworkKind::Flat);
+    let player = TrainedTeam::open(&place.path("run")).unwrap();
     let arena = |name: &str| {
         let sides = Sides::Both(EnemySide { mirror: true, zero_sum: false });
         resolve_scenario(name, Rules::Smaclite).unwrap().with_sides(sides).arena().unwrap().1
@@ -84,5 +66,5 @@ fn a_team_plays_enemies_that_are_like_its_agents() {
         error.ends_with("a team plays the enemies only of scenarios whose two sides have equal sizes"),
         "{error}"
     );
-    assert!(TrainedTeam::open(folder.path()).unwrap_err().to_string().contains("run"));
+    assert!(TrainedTeam::open(&place.path("nowhere")).unwrap_err().to_string().contains("run"));
 }
