@@ -2,7 +2,7 @@
 
 use crate::checkpoint::write_actor;
 use crate::config::{Config, NetworkKind};
-use crate::description::{OtherMap, RunDescription, WEIGHTS, Weights, read_team_of, write_description};
+use crate::description::{OtherMap, RunDescription, WEIGHTS, Weights, read_policy, write_description};
 use crate::zoo_folders::{ExportError, create_team_folder};
 use smaclite_engine::BattleSetup;
 use std::path::Path;
@@ -23,7 +23,7 @@ pub fn adapt_team(
         return Err(OtherMap::NotUniversal(run.name).into());
     }
     let run = run.on(map)?;
-    let (run, _, actor) = read_team_of(from, run, weights)?;
+    let (_, actor) = read_policy(from, &run, weights)?;
     create_team_folder(to)?;
     write_actor(&to.join(WEIGHTS), &actor)?;
     // Nothing was trained on this map, and evaluations are those of the run.

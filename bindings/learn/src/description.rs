@@ -357,31 +357,19 @@ pub fn read_team_files(folder: &Path) -> Result<(Vec<u8>, Vec<u8>), FileError> {
     Ok((read(&folder.join("run.json"))?, read(&folder.join(weights.file_name()))?))
 }
 
-/// The trained team in the folder of a run: the run, which of its weights, and the policy with those.
+/// The policy of the team in a folder, on the map of this description of its run; and which of its weights
+/// these are.
 ///
 /// # Errors
 /// If the files cannot be read or are damaged.
-pub(crate) fn read_team(
+pub(crate) fn read_policy(
     folder: &Path,
+    run: &RunDescription,
     weights: Option<Weights>,
-) -> Result<(RunDescription, Weights, Network), FileError> {
-    read_team_of(folder, RunDescription::read(folder)?, weights)
-}
-
-/// The same of the run in the folder, on the map of this description.
-///
-/// # Errors
-/// As [`read_team`].
-pub(crate) fn read_team_of(
-    folder: &Path,
-    run: RunDescription,
-    weights: Option<Weights>,
-) -> Result<(RunDescription, Weights, Network), FileError> {
-    let weights = weights.unwrap_or_else(|| Weights::of(folder, &run));
+) -> Result<(Weights, Network), FileError> {
+    let weights = weights.unwrap_or_else(|| Weights::of(folder, run));
     weights.check_kept(folder)?;
-    let stored = run.read_actor(&folder.join(weights.file_name()))?;
-    let actor = run.playing(stored);
-    Ok((run, weights, actor))
+    Ok((weights, run.playing(run.read_actor(&folder.join(weights.file_name()))?)))
 }
 
 /// The policy of the team in a folder, if it can play the enemies of these lanes, which play `setup`.
@@ -396,8 +384,7 @@ where
 {
     let run = RunDescription::read(folder)?.playing_enemies_of::<LaneError>(folder, setup)?;
     lanes.check_rival(folder, run.sizes)?;
-    let (_, _, actor) = read_team_of(folder, run, weights)?;
-    Ok(actor)
+    Ok(read_policy(folder, &run, weights)?.1)
 }
 
 /// Copies what [`read_rival`] reads.

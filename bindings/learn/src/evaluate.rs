@@ -4,7 +4,7 @@
 use crate::actor::Draw;
 use crate::collect::ended_episodes;
 use crate::config::Enemies;
-use crate::description::{OtherMap, RunDescription, Weights, read_rival, read_team_of};
+use crate::description::{OtherMap, RunDescription, Weights, read_policy, read_rival};
 use crate::enemy_actor::{BothActors, Teams};
 use crate::evaluations::Summary;
 use crate::lane_error::LaneError;
@@ -152,7 +152,8 @@ pub fn evaluate(
     on_event: &mut dyn FnMut(EvaluationEvent),
 ) -> Result<EvaluationResult, EvaluateError> {
     let Evaluation { episodes, seed, greedy, threads, .. } = evaluation;
-    let (run, weights, network) = read_team_of(folder, evaluation.run(folder)?, evaluation.weights)?;
+    let run = evaluation.run(folder)?;
+    let (weights, network) = read_policy(folder, &run, evaluation.weights)?;
     let (num_envs, setup) = (episodes.clamp(1, MAX_ENVS), evaluation.setup(&run));
     let mut lanes = Lanes::start(&setup, num_envs, run.config.last_actions, threads, runtime_dir)?;
     let league = match &evaluation.opponent_team {

@@ -2,7 +2,7 @@
 
 use crate::actor::{Actor, Draw, Rows};
 use crate::config::NetworkKind;
-use crate::description::OtherMap;
+use crate::description::{OtherMap, RunDescription};
 use crate::lane_error::{UnequalUnits, check_equal_sides};
 use crate::policy::Choice;
 use crate::random::Purpose;
@@ -134,13 +134,17 @@ impl LaneOpponents {
         self.check(setup.sides)?;
         let LaneOpponents { of_battles: opponents, team } = self;
         let Some(name) = team else { return Ok((BattleSetup { opponents, ..setup }, None)) };
-        let team = TrainedTeam::open_for(Path::new(&name), &setup)?;
+        let folder = Path::new(&name);
+        let run = RunDescription::read(folder).map_err(OtherMap::from)?;
+        let fits_all = run.config.network == NetworkKind::Universal;
+        let run = if fits_all { run.on(setup.clone())? } else { run };
+        let team = TrainedTeam::of_run(folder, run, None).map_err(OtherMap::from)?;
         let scenario = setup.files.scenario()?;
         if scenario.smacv2.is_some() {
             return Err(LaneOpponentsError::Smacv2(name));
         }
-        if team.run.config.network == NetworkKind::Universal {
-            check_equal_sides(Path::new(&name), &scenario)?;
+        if fits_all {
+            check_equal_sides(folder, &scenario)?;
         }
         let setup = BattleSetup { opponents, sides: Sides::MIRRORED, ..setup };
         let unfit = |why| LaneOpponentsError::Unfit(name.clone(), why);

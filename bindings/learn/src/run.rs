@@ -137,34 +137,24 @@ impl Run {
         maps: Vec<(BattleSetup, Lanes)>,
         threads: usize,
     ) -> Result<Run, TrainError> {
-        config.check_maps(maps.len())?;
-        let rival = config.enemies.folder().map(Path::to_owned);
-        Run::begin_against(folder, config, maps, threads, rival)
+        Run::begin_beside(None, folder, config, maps, threads)
     }
 
-    /// Begins a run beside that in the folder `other`, which has the same configuration but for its seed. If
-    /// a team plays the enemies, it is the one that `other` has a copy of: its own run may have gone on.
+    /// The same beside the run in the folder `other`, which has the same configuration but for its seed. If a
+    /// team plays the enemies, it is the one that `other` has a copy of: its own run may have gone on.
     pub(crate) fn begin_beside(
-        other: &Path,
+        other: Option<&Path>,
         folder: &Path,
         config: Config,
         maps: Vec<(BattleSetup, Lanes)>,
         threads: usize,
     ) -> Result<Run, TrainError> {
-        let rival = config.enemies.folder().map(|_| other.join(OPPONENT));
-        Run::begin_against(folder, config, maps, threads, rival)
-    }
-
-    fn begin_against(
-        folder: &Path,
-        config: Config,
-        maps: Vec<(BattleSetup, Lanes)>,
-        threads: usize,
-        rival_folder: Option<PathBuf>,
-    ) -> Result<Run, TrainError> {
+        config.check_maps(maps.len())?;
         if let Some(rival) = config.enemies.folder().filter(|folder| folder.to_str().is_none()) {
             return Err(TrainError::NotText(rival.to_owned())); // run.json could not name it
         }
+        let rival_folder =
+            config.enemies.folder().map(|own| other.map_or(own.to_owned(), |other| other.join(OPPONENT)));
         let (mut setups, lanes): (Vec<BattleSetup>, Vec<Lanes>) = maps.into_iter().unzip();
         let setup = setups.remove(0);
         let check_free = || match held_run(folder)? {

@@ -214,11 +214,7 @@ fn begin(
     let lanes_setups: Vec<BattleSetup> = setups.iter().map(|setup| config.enemies.setup(setup)).collect();
     let lanes = Lanes::start_maps(&lanes_setups, &config, 1, runtime_dir)?;
     let maps = setups.iter().cloned().zip(lanes).collect();
-    match beside {
-        Some(other) => Run::begin_beside(other, folder, config, maps, 1)?,
-        None => Run::begin_on_maps(folder, config, maps, 1)?,
-    };
-    Ok(())
+    Run::begin_beside(beside, folder, config, maps, 1).map(|_| ())
 }
 
 fn not_begun(folder: &Path, seed: u64, count: u64, source: TrainError) -> SeedsError {

@@ -3,8 +3,7 @@
 use crate::actor::{Actor, Draw, Rows};
 use crate::adam::Adam;
 use crate::architecture::{Architecture, Workspace};
-use crate::config::NetworkKind;
-use crate::description::{OtherMap, RunDescription, Weights, read_team, read_team_of};
+use crate::description::{OtherMap, RunDescription, Weights, read_policy};
 use crate::lanes::sizes_with_history;
 use crate::policy::Choice;
 use crate::random::Purpose;
@@ -53,7 +52,16 @@ impl TrainedTeam {
     /// # Errors
     /// As [`open`](Self::open).
     pub fn open_with(folder: &Path, weights: Option<Weights>) -> Result<TrainedTeam, FileError> {
-        let (run, _, network) = read_team(folder, weights)?;
+        TrainedTeam::of_run(folder, RunDescription::read(folder)?, weights)
+    }
+
+    /// The same on the map of this description of its run.
+    pub(crate) fn of_run(
+        folder: &Path,
+        run: RunDescription,
+        weights: Option<Weights>,
+    ) -> Result<TrainedTeam, FileError> {
+        let (_, network) = read_policy(folder, &run, weights)?;
         Ok(TrainedTeam { run, network })
     }
 
@@ -75,21 +83,7 @@ impl TrainedTeam {
         weights: Option<Weights>,
         map: BattleSetup,
     ) -> Result<TrainedTeam, OtherMap> {
-        let run = RunDescription::read(folder)?.on(map)?;
-        let (run, _, network) = read_team_of(folder, run, weights)?;
-        Ok(TrainedTeam { run, network })
-    }
-
-    /// The team as it plays these battles: on them if its networks fit every scenario, else on its own map,
-    /// which [`check`](Self::check) compares.
-    ///
-    /// # Errors
-    /// As [`open_on`](Self::open_on).
-    pub fn open_for(folder: &Path, battles: &BattleSetup) -> Result<TrainedTeam, OtherMap> {
-        match RunDescription::read(folder)?.config.network {
-            NetworkKind::Universal => TrainedTeam::open_on(folder, None, battles.clone()),
-            NetworkKind::Flat | NetworkKind::Units => Ok(TrainedTeam::open(folder)?),
-        }
+        Ok(TrainedTeam::of_run(folder, RunDescription::read(folder)?.on(map)?, weights)?)
     }
 
     /// The team as it plays the enemies of these battles: on them if its networks fit every scenario, else on
@@ -104,8 +98,7 @@ impl TrainedTeam {
         battles: &BattleSetup,
     ) -> Result<TrainedTeam, OtherMap> {
         let run = RunDescription::read(folder)?.playing_enemies_of::<OtherMap>(folder, battles)?;
-        let (run, _, network) = read_team_of(folder, run, weights)?;
-        Ok(TrainedTeam { run, network })
+        Ok(TrainedTeam::of_run(folder, run, weights)?)
     }
 
     /// The run that it is of.

@@ -199,27 +199,30 @@ impl Costs {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use smaclite_engine::{Battle, Scratch, action};
+    use smaclite_engine::{Battle, action};
     use smaclite_view::ReplayError;
 
-    /// Plays episodes of one step; those of drawn units begin with a snapshot.
-    fn record(scenario: &str, n_episodes: u64, max_text: usize) -> (Kept, Replay) {
-        let (_, files) = smaclite_scenarios::ScenarioFiles::resolve(scenario).expect("a scenario");
+    /// Plays episodes, of which each ends or not, of so many steps in which all stop. Those of drawn units
+    /// begin with a snapshot.
+    fn record(
+        scenario: &str,
+        mut kept: impl FnMut(&Sizes) -> Kept,
+        episodes: &[(bool, usize)],
+    ) -> (Kept, Replay) {
+        let (read, files) = smaclite_scenarios::ScenarioFiles::resolve(scenario).expect("a scenario");
         let setup = BattleSetup::new(files);
         let (_, arena) = setup.arena().expect("a valid scenario");
         let sizes = arena.sizes();
-        let mut kept = Kept::new(usize::MAX - 1, &sizes, max_text);
+        let mut kept = kept(&sizes);
         let mut battle = Battle::new(std::sync::Arc::new(arena), 1);
-        let actions = vec![action::STOP as i32; sizes.n_agents];
-        for number in 0..n_episodes {
+        let stop = vec![action::STOP as u16; sizes.n_agents];
+        for (number, (is_over, steps)) in (0..).zip(episodes) {
             battle.reset();
-            let start = Some(battle.save());
-            battle.step(&actions, &mut Scratch::new()).expect("all may stop");
-            let actions = actions.iter().map(|action| *action as u16).collect();
-            let part = FollowedPart { env_id: 0, number, start, actions, is_over: true, lost: 0 };
-            kept.add(part, |start, _| match scenario {
-                "3m" => Some(Start::Reset(start.generator.position(), start.opponent)),
-                _ => Some(Start::Restored(Box::new(start.clone()))),
+            let (start, actions) = (Some(battle.save()), stop.repeat(*steps));
+            let part = FollowedPart { env_id: 0, number, start, actions, is_over: *is_over, lost: 0 };
+            kept.add(part, |start, _| match &read.smacv2 {
+                None => Some(Start::Reset(start.generator.position(), start.opponent)),
+                Some(_) => Some(Start::Restored(Box::new(start.clone()))),
             });
         }
         let replay = kept.replay(&setup, true).expect("the same battles");
@@ -229,21 +232,9 @@ mod tests {
     /// Resets without a step pushed complete episodes out, and nothing said so.
     #[test]
     fn complete_episodes_stay_however_often_an_environment_is_reset() {
-        let (_, files) = smaclite_scenarios::ScenarioFiles::resolve("3m").expect("a scenario");
-        let setup = BattleSetup::new(files);
-        let (_, arena) = setup.arena().expect("a valid scenario");
-        let sizes = arena.sizes();
-        let mut kept = Kept::new(2, &sizes, MAX_TEXT);
-        let mut battle = Battle::new(std::sync::Arc::new(arena), 1);
-        let stop = vec![action::STOP as u16; sizes.n_agents];
-        let kinds =
+        let episodes =
             [(true, 1), (true, 1), (true, 1), (false, 0), (false, 0), (false, 1), (false, 1), (false, 1)];
-        for (number, (is_over, steps)) in (0..).zip(kinds) {
-            battle.reset();
-            let (start, actions) = (Some(battle.save()), stop.repeat(steps));
-            let part = FollowedPart { env_id: 0, number, start, actions, is_over, lost: 0 };
-            kept.add(part, |start, _| Some(Start::Reset(start.generator.position(), start.opponent)));
-        }
+        let (mut kept, _) = record("3m", |sizes| Kept::new(2, sizes, MAX_TEXT), &episodes);
         let numbers: Vec<u64> = kept.envs[&0].episodes.iter().map(|episode| episode.number).collect();
         assert_eq!(numbers, [1, 2, 5, 6, 7], "two complete ones, two that were cut off, and the present one");
         kept.text -= kept.envs[&0].episodes.iter().map(|episode| kept.costs.of(episode)).sum::<usize>();
@@ -254,8 +245,9 @@ mod tests {
     #[test]
     fn what_is_kept_fits_into_a_replay_whatever_its_episodes_are() -> Result<(), ReplayError> {
         for (scenario, max_text) in [("terran_5_vs_5", 100_000), ("3m", 20_000)] {
-            let (_, empty) = record(scenario, 0, max_text);
-            let (kept, replay) = record(scenario, 100, max_text);
+            let kept = |sizes: &Sizes| Kept::new(usize::MAX - 1, sizes, max_text);
+            let (_, empty) = record(scenario, kept, &[]);
+            let (kept, replay) = record(scenario, kept, &[(true, 1); 100]);
             let text = replay.to_json()?.len() - empty.to_json()?.len();
             assert!(text <= max_text && text > max_text / 2, "{scenario}: {text} bytes");
             assert_eq!(kept.n_lost() + replay.episodes().len() as u64, 100, "{scenario}");

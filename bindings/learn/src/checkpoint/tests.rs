@@ -172,7 +172,8 @@ fn a_checkpoint_of_another_run_is_refused() {
 fn weights_with_flipped_bits_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("weights.safetensors");
-    let team = team(&run(Config::for_agents(3)));
+    let run = run(Config::for_agents(3));
+    let team = Team::new(&Config { hidden: vec![2], ..run.config }, &run.inputs);
     write_weights(&path, &team).unwrap();
     let good = fs::read(&path).unwrap();
     let (header, _) = safetensors::SafeTensors::read_metadata(&good).unwrap();

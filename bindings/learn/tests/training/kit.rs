@@ -3,8 +3,8 @@
 use smaclite_engine::{BattleSetup, Rules};
 use smaclite_ipc::{ClientError, RuntimeDir};
 use smaclite_learn::{
-    Config, EvaluatedEpisode, Evaluation, EvaluationEvent, EvaluationResult, Lanes, Record, Run, TrainError,
-    evaluate, resolve_scenario,
+    Algorithm, Config, Enemies, EvaluatedEpisode, Evaluation, EvaluationEvent, EvaluationResult, Lanes,
+    Record, Run, TrainError, evaluate, resolve_scenario,
 };
 use std::fs;
 use std::path::PathBuf;
@@ -147,6 +147,20 @@ pub fn small() -> Config {
 /// The same, with evaluations at 0, 400, 800 and 930 steps.
 pub fn evaluated() -> Config {
     Config { evaluate_every: Some(400), ..small() }
+}
+
+/// The number of threads changes no bit of a run, whatever its critic sees.
+pub fn check_threads(config: &Config) {
+    for algorithm in [Algorithm::Mappo, Algorithm::Ippo] {
+        let (place, config) = (Place::new(), Config { algorithm, ..config.clone() });
+        place.train("one", &config, 1);
+        place.train("three", &config, 3);
+        assert_eq!(place.outcome("one"), place.outcome("three"));
+        assert_eq!(place.evaluate("one", 20), place.evaluate("three", 20));
+        if config.enemies != Enemies::Scripts {
+            assert_eq!(place.self_play("one"), place.self_play("three"));
+        }
+    }
 }
 
 /// Runs are interrupted near the first restart of the environments, which is after 32 updates, and elsewhere;

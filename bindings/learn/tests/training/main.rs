@@ -7,7 +7,7 @@ mod seeds;
 mod self_play;
 mod single_battles;
 
-use crate::kit::{Place, check_resumed, complete, evaluated, scenario, small};
+use crate::kit::{Place, check_resumed, check_threads, complete, evaluated, scenario, small};
 use serde_json::Value;
 use smaclite_engine::{BattleSetup, EpisodeLimit, Rules};
 use smaclite_ipc::{LaneConfig, Supervisor, SupervisorConfig};
@@ -38,29 +38,12 @@ fn a_team_learns() {
 
 #[test]
 fn equal_seeds_give_equal_bits_for_any_number_of_threads() {
+    check_threads(&Config { lr_end: 0.5, entropy_end: 0.0, ..small() });
+    check_threads(&Config { last_actions: 1, ..over_units() });
     let place = Place::new();
-    for algorithm in [Algorithm::Mappo, Algorithm::Ippo] {
-        let name = |name: &str| format!("{name}-{algorithm:?}");
-        let config = Config { algorithm, lr_end: 0.5, entropy_end: 0.0, ..small() };
-        place.train(&name("one"), &config, 1);
-        place.train(&name("three"), &config, 3);
-        place.train(&name("other"), &Config { seed: 4, ..config }, 1);
-        assert_eq!(place.outcome(&name("one")), place.outcome(&name("three")));
-        assert_ne!(place.outcome(&name("one")).0, place.outcome(&name("other")).0);
-    }
-}
-
-#[test]
-fn networks_over_units_have_equal_bits_for_any_number_of_threads() {
-    let place = Place::new();
-    for algorithm in [Algorithm::Mappo, Algorithm::Ippo] {
-        let name = |name: &str| format!("{name}-{algorithm:?}");
-        let config = Config { algorithm, last_actions: 1, ..over_units() };
-        place.train(&name("one"), &config, 1);
-        place.train(&name("two"), &config, 2);
-        assert_eq!(place.outcome(&name("one")), place.outcome(&name("two")));
-        assert_eq!(place.evaluate(&name("one"), 20), place.evaluate(&name("two"), 20));
-    }
+    place.train("one", &small(), 1);
+    place.train("other", &Config { seed: 4, ..small() }, 1);
+    assert_ne!(place.outcome("one").0, place.outcome("other").0);
 }
 
 /// The small run with networks over units, whose widths are no multiples of those of vectors.

@@ -1,10 +1,8 @@
 //! Teams that play the enemies: the team itself, copies of it, and teams of other runs.
 
-use crate::kit::{Place, check_resumed, complete, evaluation, small};
+use crate::kit::{Place, check_resumed, check_threads, complete, evaluation, small};
 use smaclite_engine::Rules;
-use smaclite_learn::{
-    Algorithm, Config, Enemies, Evaluation, Lanes, Run, SelfPlay, evaluate, resolve_scenario,
-};
+use smaclite_learn::{Config, Enemies, Evaluation, Lanes, Run, SelfPlay, evaluate, resolve_scenario};
 use std::fs;
 
 /// A run against the opponents of `enemies`.
@@ -37,15 +35,7 @@ fn a_resumed_league_is_the_uninterrupted_one() {
 
 #[test]
 fn teams_that_play_themselves_have_equal_bits_for_any_number_of_threads() {
-    let place = Place::new();
-    for algorithm in [Algorithm::Mappo, Algorithm::Ippo] {
-        let name = |name: &str| format!("{name}-{algorithm:?}");
-        let config = Config { algorithm, last_actions: 1, ..against(Enemies::SelfPlay(LEAGUE)) };
-        place.train(&name("one"), &config, 1);
-        place.train(&name("three"), &config, 3);
-        assert_eq!(place.outcome(&name("one")), place.outcome(&name("three")));
-        assert_eq!(place.self_play(&name("one")), place.self_play(&name("three")));
-    }
+    check_threads(&Config { last_actions: 1, ..against(Enemies::SelfPlay(LEAGUE)) });
 }
 
 /// Twice as much is learnt from a step in which the team plays both sides.
