@@ -22,18 +22,18 @@ pub(crate) struct Data<'a> {
     pub critic_size: usize,
     /// Values per sample: 1, or one per agent.
     pub values_per_env: usize,
-    /// By row of the critic: normalised.
-    pub advantages: &'a [f32],
-    /// By row of the critic: in units of the normaliser.
-    pub old_values: &'a [f32],
-    /// By row of the critic: in units of the normaliser.
-    pub targets: &'a [f32],
+    /// By row of the critic, as the following two; normalised.
+    pub advantages: Vec<f32>,
+    /// In units of the normaliser.
+    pub old_values: Vec<f32>,
+    /// In units of the normaliser.
+    pub returns: Vec<f32>,
 }
 
 /// What a map has in a minibatch.
 pub(crate) struct Share<'a> {
     pub networks: Networks<'a>,
-    pub data: Data<'a>,
+    pub data: &'a Data<'a>,
     pub policy_rows: &'a [u32],
     pub value_rows: &'a [u32],
 }
@@ -224,7 +224,7 @@ fn differentiate_values(job: &Job<'_>, loss: ValueLoss, memory: &mut ThreadMemor
         network.forward(inputs, ids, workspace);
         let width = network.architecture.padded_out();
         for (row, outputs) in rows.iter().zip(workspace.output().chunks_exact_mut(width)) {
-            let (old, target) = (data.old_values[*row as usize], data.targets[*row as usize]);
+            let (old, target) = (data.old_values[*row as usize], data.returns[*row as usize]);
             let (error, derivative) = loss.differentiate(outputs[0], old, target);
             outputs.fill(0.0);
             outputs[0] = derivative;

@@ -4,7 +4,7 @@ mod part;
 
 use crate::adam::clip;
 use crate::config::Config;
-use crate::gradient::{Gradients, Losses, Share, ThreadMemory};
+use crate::gradient::{Data, Gradients, Losses, Share, ThreadMemory};
 use crate::loss::{PolicyLoss, PolicyStats, ValueLoss};
 use crate::math::mean_and_deviation;
 use crate::parallel::Interrupted;
@@ -95,8 +95,8 @@ impl Ppo {
         let (_, deviation) = team.normaliser.mean_and_deviation();
         let floor = config.advantage_floor * deviation;
         for part in &mut parts {
-            let agents_per_value = part.played.rollout.sizes.n_agents / part.values_per_env;
-            normalise(&mut part.advantages, &part.policy_rows, agents_per_value, floor);
+            let agents_per_value = part.played.rollout.sizes.n_agents / part.data.values_per_env;
+            normalise(&mut part.data.advantages, &part.policy_rows, agents_per_value, floor);
         }
         let (learnt, all) = parts.iter().fold((0, 0), |(learnt, all), part| {
             (learnt + part.policy_rows.len(), all + part.played.rollout.actions.len())
@@ -205,17 +205,17 @@ impl StepSettings<'_> {
 fn estimate(team: &mut Team, parts: &mut [Part<'_>], config: &Config) -> f64 {
     let (mean, deviation) = team.normaliser.mean_and_deviation();
     parts.iter_mut().for_each(|part| part.estimate(mean, deviation, config));
-    let returns = parts.iter().flat_map(|part| part.learnt(&part.returns));
-    let errors = parts.iter().flat_map(|part| part.learnt(&part.advantages));
+    let returns = parts.iter().flat_map(|part| part.learnt(&part.data.returns));
+    let errors = parts.iter().flat_map(|part| part.learnt(&part.data.advantages));
     let (_, spread) = mean_and_deviation(returns.clone());
     let (_, error) = mean_and_deviation(errors);
     team.observe_returns(returns);
     let (mean, deviation) = team.normaliser.mean_and_deviation();
     for part in parts {
         let to_units = |value: &mut f32| *value = ((f64::from(*value) - mean) / deviation) as f32;
-        part.old_values.truncate(part.returns.len());
-        part.old_values.iter_mut().for_each(to_units);
-        part.returns.iter_mut().for_each(to_units);
+        let Data { old_values, returns, .. } = &mut part.data;
+        old_values.truncate(returns.len());
+        old_values.iter_mut().chain(returns).for_each(to_units);
     }
     1.0 - (error / spread).powi(2)
 }

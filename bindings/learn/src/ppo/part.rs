@@ -34,16 +34,10 @@ impl Played<'_> {
 /// The rows of a map.
 pub(super) struct Part<'a> {
     pub played: Played<'a>,
-    critic_inputs: &'a [f32],
-    critic_size: usize,
-    pub values_per_env: usize,
+    pub data: Data<'a>,
     samples: Vec<u32>,
     pub policy_rows: Vec<u32>,
     value_rows: Vec<u32>,
-    /// By row of the critic.
-    pub returns: Vec<f32>,
-    pub advantages: Vec<f32>,
-    pub old_values: Vec<f32>,
 }
 
 impl<'a> Part<'a> {
@@ -66,37 +60,29 @@ impl<'a> Part<'a> {
         let critic = &played.networks(team).team().critic;
         let old_values = values(critic, critic_inputs, critic_size, values_per_env, threads, interrupted)?;
         let (returns, advantages) = (Vec::new(), Vec::new());
-        Ok(Part {
-            played,
-            critic_inputs,
-            critic_size,
-            values_per_env,
-            samples,
-            policy_rows,
-            value_rows,
-            returns,
-            advantages,
-            old_values,
-        })
+        let data =
+            Data { rollout, critic_inputs, critic_size, values_per_env, advantages, old_values, returns };
+        Ok(Part { played, data, samples, policy_rows, value_rows })
     }
 
     /// Samples are shuffled and not rows, because the rows of a sample lie side by side in memory.
     pub fn shuffle(&mut self, update: u64, epoch: u64) {
         self.samples.shuffle(&mut generator(self.played.seed, Purpose::Minibatches, [update, epoch]));
         self.policy_rows = self.played.rollout.policy_rows(&self.samples);
-        self.value_rows = rows(&self.samples, self.values_per_env).collect();
+        self.value_rows = rows(&self.samples, self.data.values_per_env).collect();
     }
 
     /// Estimates advantages and returns from the critic's values.
     pub fn estimate(&mut self, mean: f64, deviation: f64, config: &Config) {
         let Rollout { rewards, terminated, truncated, num_seats, horizon, .. } = self.played.rollout;
-        let values = &mut self.old_values;
+        let values = &mut self.data.old_values;
         values.iter_mut().for_each(|value| *value = (f64::from(*value) * deviation + mean) as f32);
         let steps = Steps { rewards, terminated, truncated, num_envs: *num_seats };
         let mut estimated = vec![0.0; values.len() / (horizon + 1) * horizon];
         advantages(&steps, values, config.gamma, config.lambda, &mut estimated);
-        self.returns = estimated.iter().zip(&*values).map(|(advantage, value)| advantage + value).collect();
-        self.advantages = estimated;
+        self.data.returns =
+            estimated.iter().zip(&*values).map(|(advantage, value)| advantage + value).collect();
+        self.data.advantages = estimated;
     }
 
     /// The values of the learnt rows.
@@ -108,15 +94,7 @@ impl<'a> Part<'a> {
     pub fn share<'s>(&'s self, team: &'s Team, i: usize, n: usize) -> Share<'s> {
         Share {
             networks: self.played.networks(team),
-            data: Data {
-                rollout: self.played.rollout,
-                critic_inputs: self.critic_inputs,
-                critic_size: self.critic_size,
-                values_per_env: self.values_per_env,
-                advantages: &self.advantages,
-                old_values: &self.old_values,
-                targets: &self.returns,
-            },
+            data: &self.data,
             policy_rows: nth(&self.policy_rows, i, n),
             value_rows: nth(&self.value_rows, i, n),
         }
