@@ -179,12 +179,15 @@ impl Architecture {
         }
     }
 
-    /// First parameters; the last layers are scaled by `last_gain`.
+    /// First parameters, zeros but for weights; those of the last layers are scaled by `last_gain`.
     pub fn initial_params(&self, last_gain: f64, generator: &mut Pcg64Mcg) -> Vec<f32> {
-        match self {
-            Architecture::Flat(network) => network.initial_params(last_gain, generator),
-            Architecture::Units(network) => network.initial_params(last_gain, generator),
-        }
+        let maps = match self {
+            Architecture::Flat(network) => network.maps(last_gain),
+            Architecture::Units(network) => network.maps(last_gain),
+        };
+        let mut params = vec![0.0; self.n_params()];
+        maps.into_iter().for_each(|(_, map, gain)| map.initialise(gain, &mut params, generator));
+        params
     }
 
     /// Computes the outputs of all rows of `x`; `ids` has the agent of each.

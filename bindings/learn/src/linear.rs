@@ -34,6 +34,9 @@ pub(crate) struct Linear {
     bias: Range<usize>,
 }
 
+/// A map of a network: its name in files, and by what its first weights are scaled.
+pub(crate) type NamedMap<'a> = (String, &'a Linear, f64);
+
 impl Linear {
     /// Places the parameters behind `end`, which then is their end.
     pub fn new(n_in: usize, n_out: usize, end: &mut usize) -> Linear {

@@ -18,10 +18,10 @@
 //! padded to a multiple of [`WIDTH`] with rows of W that stay zero, because nothing depends on them.
 
 use crate::config::Activation;
-use crate::linear::{Linear, Tensor, differentiate, fit, sum_rows_by};
+use crate::linear::{Linear, NamedMap, Tensor, differentiate, fit, sum_rows_by};
 use crate::math::WIDTH;
 use faer::Accum;
-use rand_pcg::Pcg64Mcg;
+use std::f64::consts::SQRT_2;
 use std::ops::Range;
 
 /// The architecture of a network, and where its parameters lie in their vector.
@@ -90,8 +90,8 @@ impl Mlp {
 
     /// The parameter tensors, in their order in the vector.
     pub fn tensors(&self) -> Vec<Tensor> {
-        let layers = self.layers.iter().enumerate();
-        let mut tensors: Vec<Tensor> = layers.flat_map(|(i, layer)| layer.tensors(&i.to_string())).collect();
+        let mut tensors: Vec<Tensor> =
+            self.maps(1.0).iter().flat_map(|(name, layer, _)| layer.tensors(name)).collect();
         if !self.id_bias.is_empty() {
             let width = self.layers[0].n_out();
             let (shape, range) = (vec![self.id_bias.len() / width, width], self.id_bias.clone());
@@ -100,17 +100,12 @@ impl Mlp {
         tensors
     }
 
-    /// First parameters: orthogonal weights, scaled by √2 in hidden layers and by `last_gain` in the last,
-    /// and zeros otherwise. An orthogonal matrix keeps the length of its input, and √2 makes up for the
-    /// half that max(x, 0) drops, so signals neither vanish nor grow with depth (Saxe, McClelland and
-    /// Ganguli, 2013).
-    pub fn initial_params(&self, last_gain: f64, generator: &mut Pcg64Mcg) -> Vec<f32> {
-        let mut params = vec![0.0; self.n_params];
-        for (i, layer) in self.layers.iter().enumerate() {
-            let is_last = i + 1 == self.layers.len();
-            layer.initialise(if is_last { last_gain } else { 2.0f64.sqrt() }, &mut params, generator);
-        }
-        params
+    /// The layers. First weights are orthogonal, scaled by √2 in hidden layers and by `last_gain` in the last.
+    /// An orthogonal matrix keeps the length of its input, and √2 makes up for the half that max(x, 0) drops,
+    /// so signals neither vanish nor grow with depth (Saxe, McClelland and Ganguli, 2013).
+    pub fn maps(&self, last_gain: f64) -> Vec<NamedMap<'_>> {
+        let gain = |i| if i + 1 == self.layers.len() { last_gain } else { SQRT_2 };
+        self.layers.iter().enumerate().map(|(i, layer)| (i.to_string(), layer, gain(i))).collect()
     }
 
     /// Computes the outputs of all rows of `x`, `[rows, n_in]`; see [`Workspace::output`]. `ids` has the

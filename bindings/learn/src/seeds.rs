@@ -73,8 +73,6 @@ impl Seeds {
         runtime_dir: &RuntimeDir,
     ) -> Result<Seeds, SeedsError> {
         check_seeds(config.seed, count)?;
-        let seeds = (0..count).map(|i| config.seed + i);
-        let runs: Vec<_> = seeds.map(|seed| (seed, seed_folder(folder, seed))).collect();
         // Also one with another seed: with other options, these would be no runs of one algorithm.
         match held_run(folder)? {
             None => {}
@@ -83,15 +81,9 @@ impl Seeds {
             }
             Some(run) => return Err(SeedsError::InUse { run, folder: folder.to_owned() }),
         }
-        for (i, (seed, path)) in runs.iter().enumerate() {
-            let config = Config { seed: *seed, ..config.clone() };
-            let begun = begin(path, None, config, setups, runtime_dir);
-            begun.map_err(|source| match i {
-                0 => SeedsError::Train(source), // there is nothing to continue
-                _ => not_begun(folder, *seed, count, source),
-            })?;
-        }
-        Ok(Seeds { runs })
+        let path = seed_folder(folder, config.seed);
+        begin(&path, None, config.clone(), setups, runtime_dir)?; // else, there is nothing to continue
+        Seeds { runs: vec![(config.seed, path)] }.complete(count, runtime_dir)
     }
 
     /// The runs in the subfolders of a folder, which are to be trained to `steps` steps, or to as many as
@@ -128,7 +120,8 @@ impl Seeds {
             if self.runs.iter().all(|(begun, _)| *begun != seed) {
                 let (path, config) = (seed_folder(&folder, seed), Config { seed, ..run.config.clone() });
                 let begun = begin(&path, Some(&model), config, &setups, runtime_dir);
-                begun.map_err(|source| not_begun(&folder, seed, count, source))?;
+                let source = |source| SeedsError::NotBegun { seed, folder: folder.clone(), count, source };
+                begun.map_err(Box::new).map_err(source)?;
                 self.runs.push((seed, path));
             }
         }
@@ -215,10 +208,6 @@ fn begin(
     let lanes = Lanes::start_maps(&lanes_setups, &config, 1, runtime_dir)?;
     let maps = setups.iter().cloned().zip(lanes).collect();
     Run::begin_beside(beside, folder, config, maps, 1).map(|_| ())
-}
-
-fn not_begun(folder: &Path, seed: u64, count: u64, source: TrainError) -> SeedsError {
-    SeedsError::NotBegun { seed, folder: folder.to_owned(), count, source: Box::new(source) }
 }
 
 /// Trains a run, as [`Run::train`].

@@ -33,14 +33,14 @@ mod passes;
 mod scorer;
 
 use crate::config::Activation;
-use crate::linear::{Linear, Tensor, differentiate, fit};
+use crate::linear::{Linear, NamedMap, Tensor, differentiate, fit};
 use crate::math::WIDTH;
 use encoder::{Encoder, EncoderMemory};
 use faer::Accum;
 use passes::activate;
-use rand_pcg::Pcg64Mcg;
 use scorer::{Pass, Scorer, ScorerMemory};
 use smaclite_engine::{TargetLayout, UnitLayout};
+use std::f64::consts::SQRT_2;
 
 /// Names of the kinds, in their order.
 const KINDS: [&str; 2] = ["enemies", "allies"];
@@ -163,29 +163,24 @@ impl UnitsNetwork {
 
     /// The parameter tensors, in their order in the vector.
     pub fn tensors(&self) -> Vec<Tensor> {
-        let mut tensors: Vec<Tensor> = self.own.tensors("own").collect();
-        let kinds = || KINDS.into_iter();
-        for (name, encoder) in kinds().zip(&self.encoders) {
-            tensors.extend(encoder.iter().flat_map(|encoder| encoder.tensors(name)));
-        }
-        tensors.extend(self.trunk[0].tensors("trunk.0").chain(self.trunk[1].tensors("trunk.1")));
-        for (name, scorer) in kinds().zip(&self.scorers) {
-            tensors.extend(scorer.iter().flat_map(|scorer| scorer.tensors(name)));
-        }
-        tensors.extend(self.head.tensors("head"));
-        tensors
+        self.maps(1.0).iter().flat_map(|(name, map, _)| map.tensors(name)).collect()
     }
 
-    /// First parameters: orthogonal weights, scaled as those of an `Mlp`. Where two maps are added, each has
+    /// The maps. First weights are orthogonal, scaled as those of an `Mlp`. Where two maps are added, each has
     /// half of the square of √2.
-    pub fn initial_params(&self, last_gain: f64, generator: &mut Pcg64Mcg) -> Vec<f32> {
-        let mut params = vec![0.0; self.n_params];
-        self.own.initialise(1.0, &mut params, generator);
-        self.encoders.iter().flatten().for_each(|encoder| encoder.initialise(&mut params, generator));
-        self.trunk.iter().for_each(|layer| layer.initialise(2.0f64.sqrt(), &mut params, generator));
-        self.scorers.iter().flatten().for_each(|scorer| scorer.initialise(last_gain, &mut params, generator));
-        self.head.initialise(last_gain, &mut params, generator);
-        params
+    pub fn maps(&self, last_gain: f64) -> Vec<NamedMap<'_>> {
+        let named = |name: &str, map, gain| (name.to_owned(), map, gain);
+        let mut maps = vec![named("own", &self.own, 1.0)];
+        for (name, encoder) in KINDS.iter().zip(&self.encoders) {
+            maps.extend(encoder.iter().flat_map(|encoder| encoder.maps(name)));
+        }
+        let [lower, upper] = &self.trunk;
+        maps.extend([named("trunk.0", lower, SQRT_2), named("trunk.1", upper, SQRT_2)]);
+        for (name, scorer) in KINDS.iter().zip(&self.scorers) {
+            maps.extend(scorer.iter().flat_map(|scorer| scorer.maps(name, last_gain)));
+        }
+        maps.push(named("head", &self.head, last_gain));
+        maps
     }
 
     /// Computes the outputs of all rows of `x`, `[rows, n_in]`; see [`Workspace::output`]. `ids` has the

@@ -21,17 +21,13 @@ pub struct PoolRecorder {
     fresh: Option<Units>,
 }
 
-/// Why a pool could not be recorded.
+/// Why a pool could not be recorded: it reports episodes, states or actions that are none of this release.
 #[derive(Debug, thiserror::Error)]
+#[error("this release does not play what the pool reports: {0}")]
+#[allow(missing_docs)] // the inner errors say it
 pub enum PoolRecorderError {
-    /// The pool's answer is not what this release plays.
-    #[error("this release does not play what the pool reports: {0}")]
     Replay(#[from] ReplayError),
-    /// A state that the pool reports is not one of the scenario.
-    #[error("this release does not play what the pool reports: {0}")]
     Snapshot(#[from] SnapshotError),
-    /// An action that the pool reports is not available.
-    #[error("this release does not play what the pool reports: {0}")]
     Action(#[from] smaclite_engine::IllegalAction),
 }
 

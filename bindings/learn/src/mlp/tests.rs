@@ -66,7 +66,8 @@ fn orthogonal_matrices_are_orthogonal() {
 #[test]
 fn padding_is_zero_and_not_among_the_tensors() {
     let mlp = Mlp::new(6, &[4], 3, 2, Activation::Relu);
-    let params = mlp.initial_params(1.0, &mut generator(1, Purpose::Weights, [0, 0]));
+    let network = Architecture::Flat(mlp.clone());
+    let params = network.initial_params(1.0, &mut generator(1, Purpose::Weights, [0, 0]));
     let shapes: Vec<(String, Vec<usize>)> =
         mlp.tensors().into_iter().map(|tensor| (tensor.name, tensor.shape)).collect();
     let named = |name: &str, shape: &[usize]| (name.to_owned(), shape.to_vec());

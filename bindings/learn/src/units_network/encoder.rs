@@ -2,11 +2,11 @@
 
 use super::passes::{activate, add_of_sample, sum_by_sample};
 use crate::config::Activation;
-use crate::linear::{Linear, Tensor, differentiate, fit};
+use crate::linear::{Linear, NamedMap, differentiate, fit};
 use crate::math::{WIDTH, vectorised};
 use faer::Accum;
-use rand_pcg::Pcg64Mcg;
 use smaclite_engine::UnitRows;
+use std::f64::consts::SQRT_2;
 
 /// Stands for the row of a unit that is not seen.
 pub(super) const UNSEEN: u32 = u32::MAX;
@@ -61,13 +61,9 @@ impl Encoder {
         self.rows.count
     }
 
-    pub fn tensors(&self, name: &str) -> impl Iterator<Item = Tensor> + use<> {
-        self.first.tensors(&format!("{name}.0")).chain(self.second.tensors(&format!("{name}.1")))
-    }
-
-    pub fn initialise(&self, params: &mut [f32], generator: &mut Pcg64Mcg) {
-        self.first.initialise(1.0, params, generator); // half of a sum, as the own embedding
-        self.second.initialise(2.0f64.sqrt(), params, generator);
+    pub fn maps(&self, name: &str) -> [NamedMap<'_>; 2] {
+        // The first is half of a sum, as the own embedding.
+        [(format!("{name}.0"), &self.first, 1.0), (format!("{name}.1"), &self.second, SQRT_2)]
     }
 
     /// Copies the rows of the units that are seen, so that the others cost nothing.

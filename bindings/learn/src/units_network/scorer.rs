@@ -3,10 +3,9 @@
 use super::encoder::{EncoderMemory, UNSEEN};
 use super::passes::{activate, add_of_sample, dot, sum_by_sample};
 use crate::config::Activation;
-use crate::linear::{Linear, Tensor, differentiate, fit};
+use crate::linear::{Linear, NamedMap, differentiate, fit};
 use crate::math::vectorised;
 use faer::Accum;
-use rand_pcg::Pcg64Mcg;
 
 /// The maps of a kind of targets: U_k; u_k, V_k; and s_k.
 #[derive(Clone, Debug, PartialEq)]
@@ -84,15 +83,14 @@ impl Scorer {
         }
     }
 
-    pub fn tensors(&self, name: &str) -> impl Iterator<Item = Tensor> + use<> {
-        let of_part = |linear: &Linear, part| linear.tensors(&format!("{name}.target.{part}"));
-        of_part(&self.unit, "unit").chain(of_part(&self.trunk, "trunk")).chain(of_part(&self.score, "score"))
-    }
-
-    pub fn initialise(&self, last_gain: f64, params: &mut [f32], generator: &mut Pcg64Mcg) {
-        self.unit.initialise(1.0, params, generator); // half of a sum
-        self.trunk.initialise(1.0, params, generator);
-        self.score.initialise(last_gain, params, generator);
+    pub fn maps(&self, name: &str, last_gain: f64) -> [NamedMap<'_>; 3] {
+        let named = |part, map, gain| (format!("{name}.target.{part}"), map, gain);
+        // The first two are halves of a sum.
+        [
+            named("unit", &self.unit, 1.0),
+            named("trunk", &self.trunk, 1.0),
+            named("score", &self.score, last_gain),
+        ]
     }
 
     /// Finds the targets of `count` actions per sample. `row_of` returns the row of a sample's target, or

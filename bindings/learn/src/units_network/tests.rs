@@ -149,9 +149,9 @@ fn a_state_without_enemies_or_rest_has_gradients_too() {
 
 /// The outputs of rows of agents with the first parameters of an actor, its last layers not small.
 fn outputs(x: &[f32], ids: &[u16]) -> Vec<Vec<f32>> {
-    let network = actor(Activation::Relu);
+    let network = Architecture::Units(Box::new(actor(Activation::Relu)));
     let params = network.initial_params(1.0, &mut generator(5, Purpose::Weights, [0, 0]));
-    let mut workspace = Workspace::default();
+    let mut workspace = crate::architecture::Workspace::default();
     network.forward(&params, x, ids, &mut workspace);
     workspace.output().chunks_exact(network.padded_out()).map(|row| row[..8].to_vec()).collect()
 }
