@@ -15,15 +15,10 @@ use smaclite_ipc::{Batch, ClientError};
 use smaclite_pool::fields::Field;
 use std::time::{Duration, Instant};
 
-/// The memory of collection, per lane.
-#[derive(Debug, Default)]
-pub(crate) struct Collector {
-    actors: Vec<BothActors>,
-}
-
 /// A map that is played on.
 pub(crate) struct Playing<'a> {
-    pub collector: &'a mut Collector,
+    /// By lane.
+    pub actors: &'a mut Vec<BothActors>,
     pub lanes: &'a mut Lanes,
     pub network: &'a Network,
     pub rollout: &'a mut Rollout,
@@ -63,7 +58,7 @@ pub(crate) fn collect(
 
 impl Playing<'_> {
     fn begin(&mut self) {
-        self.collector.actors.resize_with(self.lanes.count(), Default::default);
+        self.actors.resize_with(self.lanes.count(), Default::default);
         self.rollout.episodes.clear();
     }
 
@@ -74,9 +69,10 @@ impl Playing<'_> {
         league: &mut League,
         interrupted: &mut dyn FnMut() -> bool,
     ) -> Result<Duration, ClientError> {
-        let Playing { collector, lanes, network, rollout, draws } = self;
-        let (mut waited, sizes) = (Duration::ZERO, lanes.sizes());
-        for (lane, actors) in collector.actors.iter_mut().enumerate() {
+        let Playing { actors, lanes, network, rollout, draws } = self;
+        let Draws { seed, first_step, self_share } = *draws;
+        let (mut waited, sizes, step) = (Duration::ZERO, lanes.sizes(), first_step + t as u64);
+        for (lane, actors) in actors.iter_mut().enumerate() {
             let begin = Instant::now();
             let lane_batch = lanes.batch(lane, interrupted)?;
             waited += begin.elapsed();
@@ -84,51 +80,28 @@ impl Playing<'_> {
             if t > 0 {
                 rollout.store_outcome(t - 1, sizes, &lane_batch, league);
             }
-            if t < rollout.horizon {
-                let turn = Turn { t, step: draws.first_step + t as u64, sizes, lane_batch };
-                let actions = act(actors, network, league, turn, rollout, *draws);
-                lanes.send(lane, actions)?;
+            if t == rollout.horizon {
+                continue;
             }
+            let LaneBatch { first_env, batch, over } = lane_batch;
+            let of_sides = [Purpose::Actions, Purpose::EnemyActions];
+            let of_sides = of_sides.map(|purpose| Draw { seed, purpose, step });
+            let teams = Teams { own: network, league };
+            actors.act(teams, batch, sizes, first_env, Choice::Sampled, of_sides);
+            let BothActors { allies, enemies, .. } = &*actors;
+            rollout.store_actions(t, Faction::Ally, first_env, over.iter().copied(), &allies.chosen);
+            if league.is_played() {
+                let is_skipped = over.iter().enumerate().map(|(env, over)| *over || !enemies.is_own(env));
+                rollout.store_actions(t, Faction::Enemy, first_env, is_skipped, &enemies.chosen);
+                // The next step resets these; the player stays for the whole episode that it begins.
+                for env in (first_env..).zip(over).filter(|(_, over)| **over).map(|(env, _)| env) {
+                    league.draw(env, self_share, &mut generator(seed, Purpose::Players, [step, env as u64]));
+                }
+            }
+            lanes.send(lane, actors.actions())?;
         }
         Ok(waited)
     }
-}
-
-/// A batch to act on.
-struct Turn<'a> {
-    /// Step of the rollout.
-    t: usize,
-    /// Step of the run.
-    step: u64,
-    sizes: Sizes,
-    lane_batch: LaneBatch<'a>,
-}
-
-/// Chooses, stores and returns the actions of both sides.
-fn act<'a>(
-    actors: &'a mut BothActors,
-    network: &Network,
-    league: &mut League,
-    turn: Turn<'_>,
-    rollout: &mut Rollout,
-    draws: Draws,
-) -> &'a [i32] {
-    let Turn { t, step, sizes, lane_batch: LaneBatch { first_env, batch, over } } = turn;
-    let Draws { seed, self_share, .. } = draws;
-    let of_sides = [Purpose::Actions, Purpose::EnemyActions].map(|purpose| Draw { seed, purpose, step });
-    let teams = Teams { own: network, league };
-    actors.act(teams, batch, sizes, first_env, Choice::Sampled, of_sides);
-    let BothActors { allies, enemies, .. } = actors;
-    rollout.store_actions(t, Faction::Ally, first_env, over.iter().copied(), &allies.chosen);
-    if league.is_played() {
-        let is_skipped = over.iter().enumerate().map(|(env, over)| *over || !enemies.is_own(env));
-        rollout.store_actions(t, Faction::Enemy, first_env, is_skipped, &enemies.chosen);
-        // The next step resets these; the player stays for the whole episode that it begins.
-        for env in (first_env..).zip(over).filter(|(_, over)| **over).map(|(env, _)| env) {
-            league.draw(env, self_share, &mut generator(seed, Purpose::Players, [step, env as u64]));
-        }
-    }
-    actors.actions()
 }
 
 /// Copies `values` into row `row` of rows of `width`.

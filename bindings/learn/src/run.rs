@@ -157,19 +157,14 @@ impl Run {
             config.enemies.folder().map(|own| other.map_or(own.to_owned(), |other| other.join(OPPONENT)));
         let (mut setups, lanes): (Vec<BattleSetup>, Vec<Lanes>) = maps.into_iter().unzip();
         let setup = setups.remove(0);
-        let check_free = || match held_run(folder)? {
-            None => Ok(()),
-            Some(run) if run == folder => Err(TrainError::FolderInUse(folder.display().to_string())),
-            Some(run) => Err(TrainError::SeedsInFolder { run, folder: folder.to_owned() }),
-        };
-        check_free()?;
+        check_free(folder)?;
         let rival =
             rival_folder.as_deref().map(|folder| read_rival::<TrainError>(folder, None, &setup, &lanes[0]));
         let rival = rival.transpose()?;
         let training = Training::new(config, lanes, threads, rival)?;
         create_folder(folder)?;
         let lock = lock(folder)?;
-        check_free()?; // another process may have begun and ended one meanwhile
+        check_free(folder)?; // another process may have begun and ended one meanwhile
         remove_incomplete_files(folder)?;
         crate::tensors::write(&folder.join(LOG), b"")?; // first: from now on this is a run that begins
         if let Some(rival) = rival_folder {
@@ -398,6 +393,15 @@ fn remove_incomplete_files(folder: &Path) -> Result<(), FileError> {
     ["", OPPONENT, LEAGUE, EVALUATION_WEIGHTS]
         .iter()
         .try_for_each(|name| remove_incomplete(&folder.join(name)))
+}
+
+/// Checks that no run is in a folder, also none of several seeds.
+pub(crate) fn check_free(folder: &Path) -> Result<(), TrainError> {
+    match held_run(folder)? {
+        None => Ok(()),
+        Some(run) if run == folder => Err(TrainError::FolderInUse(folder.display().to_string())),
+        Some(run) => Err(TrainError::SeedsInFolder { run, folder: folder.to_owned() }),
+    }
 }
 
 /// Locks the folder until the file is dropped.

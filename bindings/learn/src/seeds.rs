@@ -9,8 +9,8 @@ use crate::config::Config;
 use crate::description::RunDescription;
 use crate::lanes::Lanes;
 use crate::parallel;
-use crate::run::{Run, TrainEvent};
-use crate::run_folders::{held_run, runs_in, seed_folder};
+use crate::run::{Run, TrainEvent, check_free};
+use crate::run_folders::{runs_in, seed_folder};
 use crate::training::TrainError;
 pub use error::SeedsError;
 use smaclite_engine::BattleSetup;
@@ -73,14 +73,7 @@ impl Seeds {
         runtime_dir: &RuntimeDir,
     ) -> Result<Seeds, SeedsError> {
         check_seeds(config.seed, count)?;
-        // Also one with another seed: with other options, these would be no runs of one algorithm.
-        match held_run(folder)? {
-            None => {}
-            Some(run) if run == folder => {
-                return Err(TrainError::FolderInUse(folder.display().to_string()).into());
-            }
-            Some(run) => return Err(SeedsError::InUse { run, folder: folder.to_owned() }),
-        }
+        check_free(folder)?; // also of other seeds: with other options, these would be no runs of one algorithm
         let path = seed_folder(folder, config.seed);
         begin(&path, None, config.clone(), setups, runtime_dir)?; // else, there is nothing to continue
         Seeds { runs: vec![(config.seed, path)] }.complete(count, runtime_dir)

@@ -4,9 +4,10 @@
 //! Between restarts a run is resumed from snapshots of its environments.
 
 use crate::checkpoint::{Checkpoint, Progress};
-use crate::collect::{Collector, Draws, Playing, collect};
+use crate::collect::{Draws, Playing, collect};
 use crate::config::{Config, ConfigError, Enemies};
 use crate::cpu_timer::CpuTimer;
+use crate::enemy_actor::BothActors;
 use crate::lane_error::LaneError;
 use crate::lanes::{Lanes, SavedEnvs};
 use crate::league::{League, Rival};
@@ -40,8 +41,8 @@ pub enum TrainError {
     #[error("`{0}` already holds a run; resume it with --resume, or choose another folder")]
     FolderInUse(String),
     #[error(
-        "`{}` already holds a run; continue the runs in `{}` with --resume, or choose another folder",
-        run.display(), folder.display()
+        "`{}` already holds a run; continue the runs in `{}` with --resume, also with more --seeds, or \
+         choose another folder", run.display(), folder.display()
     )]
     SeedsInFolder {
         run: PathBuf,
@@ -79,7 +80,8 @@ pub(crate) struct Training {
 struct MapOfRun {
     lanes: Lanes,
     rollout: Rollout,
-    collector: Collector,
+    /// By lane.
+    actors: Vec<BothActors>,
     on_scenario: Option<OnScenario>,
     /// Of environments, actions and the order of samples; that of the run on the first map.
     seed: u64,
@@ -93,7 +95,7 @@ impl MapOfRun {
         lanes.inputs().check(config)?;
         Ok(MapOfRun {
             rollout: Rollout::new(&of_map, lanes.sizes()),
-            collector: Collector::default(),
+            actors: Vec::new(),
             on_scenario: OnScenario::new(config, lanes.inputs()),
             seed: if number == 0 {
                 config.seed
@@ -273,11 +275,11 @@ impl Training {
         let Training { config, maps, state, ppo } = self;
         let (first_step, self_share) = (updates * config.horizon as u64, config.enemies.self_share());
         let mut league = state.league.clone(); // the state's stays if this update is interrupted
-        let playing = maps.iter_mut().map(|MapOfRun { lanes, rollout, collector, on_scenario, seed }| {
+        let playing = maps.iter_mut().map(|MapOfRun { lanes, rollout, actors, on_scenario, seed }| {
             let team =
                 on_scenario.as_mut().map_or(&state.team, |on_scenario| on_scenario.specialise(&state.team));
             let draws = Draws { seed: *seed, first_step, self_share };
-            Playing { collector, lanes, network: &team.actor, rollout, draws }
+            Playing { actors, lanes, network: &team.actor, rollout, draws }
         });
         let waited = collect(&mut playing.collect::<Vec<_>>(), &mut league, interrupted)?;
         let learn_begin = Instant::now();

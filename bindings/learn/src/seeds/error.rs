@@ -13,12 +13,6 @@ pub enum SeedsError {
     #[error(transparent)]
     Train(#[from] TrainError),
     #[error(
-        "`{}` already holds a run; continue the runs in `{}` with --resume, also with more --seeds, or \
-         choose another folder",
-        run.display(), folder.display()
-    )]
-    InUse { run: PathBuf, folder: PathBuf },
-    #[error(
         "`{}` is no run of `train --seeds`, which would be in a folder of the name `seed-{seed}`; continue \
          runs that were not trained together one by one", run.display()
     )]
