@@ -228,25 +228,40 @@ mod tests {
     use smaclite_scenarios::Smacv2;
     use smaclite_units::Keyword;
 
-    /// Their observations have the rows of no unit, so a network over units would see nothing.
     #[test]
-    fn observations_without_units_are_refused() {
+    fn observations_that_a_network_does_not_know_are_refused() {
         let mut scenario = Scenario::standard("terran_5_vs_5").unwrap();
-        let options = serde_json::json!({"obs_starcraft": false, "obs_timestep_number": true});
-        for (options, is_possible) in [(serde_json::json!({}), true), (options, false)] {
+        let without_units = serde_json::json!({"obs_starcraft": false, "obs_timestep_number": true});
+        for (network, options, expected) in [
+            (NetworkKind::Flat, without_units.clone(), None),
+            (NetworkKind::Units, serde_json::json!({}), None),
+            // The rows are those of no unit, so it would see nothing.
+            (NetworkKind::Units, without_units.clone(), Some(["`flat` where", "got `units`"])),
+            (NetworkKind::Universal, without_units, Some(["`flat` or `units` where", "have no units"])),
+            (
+                NetworkKind::Universal,
+                serde_json::json!({"obs_timestep_number": true}),
+                Some(["`flat` or `units` where", "does not know the feature"]),
+            ),
+            (
+                NetworkKind::Universal,
+                serde_json::json!({"obs_pathing_grid": true}),
+                Some(["`flat` or `units` where", "`walkable_"]),
+            ),
+            (
+                NetworkKind::Universal,
+                serde_json::json!({"conic_fov": true}),
+                Some(["`flat` or `units` where", "agents have actions to look"]),
+            ),
+        ] {
             scenario.smacv2 = Some(serde_json::from_value::<Smacv2>(options).unwrap());
             let inputs = Inputs::new(&scenario, Arena::new(&scenario, Rules::Smaclite).sizes(), 0);
-            let network = NetworkKind::Units;
             let config = Config::for_agents(5).with_network(network);
-            assert_eq!(inputs.check(&Config::for_agents(5)), Ok(()));
-            match inputs.check(&config) {
-                Ok(()) => assert!(is_possible),
-                Err(error) => {
-                    let error = error.to_string();
-                    assert!(!is_possible && error.starts_with("network must be `flat` where"), "{error}");
-                    assert!(error.ends_with("got `units`"), "{error}");
-                }
-            }
+            let error = inputs.check(&config).err().map(|error| error.to_string());
+            assert_eq!(error.is_some(), expected.is_some(), "{network}: {error:?}");
+            let (error, [start, why]) = (error.unwrap_or_default(), expected.unwrap_or_default());
+            assert!(expected.is_none() || error.starts_with(&format!("network must be {start}")), "{error}");
+            assert!(error.contains(why), "{error}");
         }
     }
 

@@ -323,21 +323,19 @@ mod tests {
         assert_eq!(network(&Scenario::standard("2s3z").expect("a standard scenario")), NetworkKind::Units);
     }
 
+    /// The critic sees the state of large teams and of drawn ones, which do not see what they did.
     #[test]
-    fn drawn_teams_do_not_see_what_they_did() {
-        for (name, last_actions, entropy) in [("8m", 4, 0.15 / 8.0), ("zerg_10_vs_11", 0, 0.15 / 10.0)] {
+    fn defaults_are_those_of_the_scenario() {
+        for (name, algorithm, last_actions, entropy) in [
+            ("3s_vs_5z", Algorithm::Ippo, 4, 0.15 / 3.0),
+            ("5m_vs_6m", Algorithm::Mappo, 4, 0.15 / 5.0),
+            ("8m", Algorithm::Mappo, 4, 0.15 / 8.0),
+            ("zerg_5_vs_5", Algorithm::Mappo, 0, 0.15 / 5.0),
+            ("zerg_10_vs_11", Algorithm::Mappo, 0, 0.15 / 10.0),
+        ] {
             let config = Config::for_scenario(&Scenario::standard(name).expect("a standard scenario"));
-            assert_eq!((config.last_actions, config.entropy), (last_actions, entropy), "{name}");
-        }
-    }
-
-    #[test]
-    fn the_critic_sees_the_state_of_large_teams_and_of_drawn_ones() {
-        for (name, algorithm) in
-            [("3s_vs_5z", Algorithm::Ippo), ("5m_vs_6m", Algorithm::Mappo), ("zerg_5_vs_5", Algorithm::Mappo)]
-        {
-            let scenario = Scenario::standard(name).expect("a standard scenario");
-            assert_eq!(Config::for_scenario(&scenario).algorithm, algorithm, "{name}");
+            let found = (config.algorithm, config.last_actions, config.entropy);
+            assert_eq!(found, (algorithm, last_actions, entropy), "{name}");
         }
     }
 

@@ -169,15 +169,14 @@ impl TrainedTeam {
         seed: u64,
         step: u64,
     ) -> Vec<i32> {
-        let (sizes, last_actions) = (self.run.sizes, self.run.config.last_actions);
+        let sizes = self.run.sizes;
         let mut obs = vec![0.0; sizes.n_agents * sizes.obs_size];
         let mut available = vec![0; sizes.n_agents * sizes.n_actions];
-        battle.write_obs(side, &mut obs, &mut Scratch::new()); // leaves zeros behind its own features
-        battle.write_avail_actions(side, &mut available);
-        let past =
-            past.take(last_actions).map(|actions| actions.iter().map(|&action| action.into()).collect());
-        let past: Vec<Vec<i32>> = past.collect();
-        append_past(&mut obs, &available, sizes, last_actions, past.iter().map(Vec::as_slice));
+        let past = past.take(self.run.config.last_actions);
+        let past: Vec<Vec<i32>> =
+            past.map(|actions| actions.iter().map(|&action| action.into()).collect()).collect();
+        let past = past.iter().map(Vec::as_slice);
+        self.observe(battle, side, past, &mut Scratch::new(), &mut obs, &mut available);
         let purpose = match side {
             Faction::Ally => Purpose::Evaluation,
             Faction::Enemy => Purpose::EnemyEvaluation,
@@ -187,22 +186,28 @@ impl TrainedTeam {
         actor.act(&self.network, rows, Choice::Sampled, Draw { seed, purpose, step }, 0..1);
         actor.chosen.actions
     }
-}
 
-/// Writes the last actions of every living agent behind the other features of its row, as lanes do.
-pub(crate) fn append_past<'a>(
-    obs: &mut [f32],
-    available: &[u8],
-    sizes: Sizes,
-    last_actions: usize,
-    past: impl Iterator<Item = &'a [i32]> + Clone,
-) {
-    let own = sizes.obs_size - last_actions * sizes.n_actions;
-    let rows = obs.chunks_exact_mut(sizes.obs_size).zip(available.chunks_exact(sizes.n_actions));
-    for (agent, (row, available)) in rows.enumerate() {
-        let is_dead = available[action::NO_OP] != 0;
-        for (one_hot, actions) in row[own..].chunks_exact_mut(sizes.n_actions).zip(past.clone()) {
-            one_hot[actions[agent] as usize] = if is_dead { 0.0 } else { 1.0 };
+    /// Writes what a side's units observe and can do. Behind the other features of its row, every living unit
+    /// has the last actions, as in lanes.
+    pub(crate) fn observe<'a>(
+        &self,
+        battle: &Battle,
+        side: Faction,
+        past: impl Iterator<Item = &'a [i32]> + Clone,
+        scratch: &mut Scratch,
+        obs: &mut [f32],
+        available: &mut [u8],
+    ) {
+        battle.write_obs(side, obs, scratch); // leaves zeros behind its own features
+        battle.write_avail_actions(side, available);
+        let sizes = self.run.sizes;
+        let own = sizes.obs_size - self.run.config.last_actions * sizes.n_actions;
+        let rows = obs.chunks_exact_mut(sizes.obs_size).zip(available.chunks_exact(sizes.n_actions));
+        for (agent, (row, available)) in rows.enumerate() {
+            let is_dead = available[action::NO_OP] != 0;
+            for (one_hot, actions) in row[own..].chunks_exact_mut(sizes.n_actions).zip(past.clone()) {
+                one_hot[actions[agent] as usize] = if is_dead { 0.0 } else { 1.0 };
+            }
         }
     }
 }

@@ -7,7 +7,7 @@ mod player;
 use crate::actor::{Actor, Draw, Rows};
 use crate::policy::Choice;
 use crate::random::Purpose;
-use crate::trained_team::{TrainedTeam, append_past};
+use crate::trained_team::TrainedTeam;
 use smaclite_engine::policy::{Scripted, Tactic};
 use smaclite_engine::{Arena, Battle, Faction, Scratch, Sizes, Step};
 use std::collections::VecDeque;
@@ -245,10 +245,8 @@ impl<'a> TeamSeat<'a> {
                 avail_actions.fill(0);
                 continue;
             }
-            running.battle.write_obs(self.side, obs, scratch); // leaves zeros behind its own features
-            running.battle.write_avail_actions(self.side, avail_actions);
             let past = self.past.iter().map(|actions| &actions[i * sizes.n_agents..]);
-            append_past(obs, avail_actions, sizes, self.team.run.config.last_actions, past);
+            self.team.observe(&running.battle, self.side, past, scratch, obs, avail_actions);
         }
         let rows = Rows { sizes, obs: &self.obs, available: &self.avail_actions };
         self.actor.act(&self.team.network, rows, choice, draw, self.episodes.clone());

@@ -114,22 +114,3 @@ fn gradients_come_back_by_the_transpose() {
         }
     }
 }
-
-#[test]
-fn observations_that_no_standard_map_has_are_refused() {
-    let mut scenario = Scenario::standard("terran_5_vs_5").unwrap();
-    for (options, expected) in [
-        (serde_json::json!({"obs_timestep_number": true}), "does not know the feature"),
-        (serde_json::json!({"obs_pathing_grid": true}), "`walkable_"),
-        (serde_json::json!({"conic_fov": true}), "agents have actions to look"),
-        (
-            serde_json::json!({"obs_starcraft": false, "obs_timestep_number": true}),
-            "observations have no units",
-        ),
-    ] {
-        scenario.smacv2 = Some(serde_json::from_value(options).unwrap());
-        let error = inputs(&scenario).check(&config(Algorithm::Mappo)).unwrap_err().to_string();
-        assert!(error.starts_with("network must be `flat` or `units` where"), "{error}");
-        assert!(error.contains(expected), "{error}");
-    }
-}

@@ -69,22 +69,17 @@ fn best_weights_that_were_lost_are_written_again_as_they_were() {
     assert!(fs::read(&best).unwrap() == before);
 }
 
-/// Published weights and the files of older runs are of flat networks, and `run.json` does not say so.
 #[test]
-fn run_json_names_the_network_if_it_is_not_flat() {
+fn networks_that_a_run_does_not_have_are_refused() {
     let place = Place::new();
     place.train("flat", &small(), 1);
     place.train("units", &over_units(), 1);
-    let path = |name: &str| place.path(name).join("run.json");
-    assert!(!fs::read_to_string(path("flat")).unwrap().contains("network"));
-    for (name, config) in [("flat", small()), ("units", over_units())] {
-        assert_eq!(RunDescription::read(&place.path(name)).unwrap().config, config);
-    }
-    let mut file: Value = serde_json::from_str(&fs::read_to_string(path("units")).unwrap()).unwrap();
-    assert_eq!(file["config"]["network"], "units");
+    assert_eq!(RunDescription::read(&place.path("units")).unwrap().config, over_units());
+    let path = place.path("units/run.json");
+    let mut file: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
     let mut refused = |key: &str, value: Value, expected: &str| {
         let before = std::mem::replace(&mut file["config"][key], value);
-        fs::write(path("units"), file.to_string()).unwrap();
+        fs::write(&path, file.to_string()).unwrap();
         let error = RunDescription::read(&place.path("units")).unwrap_err().to_string();
         assert!(error.contains("units/run.json` is") && error.contains(expected), "{error}");
         file["config"][key] = before;
@@ -94,9 +89,8 @@ fn run_json_names_the_network_if_it_is_not_flat() {
     refused("network", Value::Null, &format!("{expected}`null`"));
     refused("hidden", vec![8].into(), "hidden must be 2 widths between 2 and 4096 for networks over units");
     // Weights of the other network are not those of this one.
-    fs::copy(place.path("flat").join("weights.safetensors"), place.path("units").join("weights.safetensors"))
-        .unwrap();
-    fs::write(path("units"), file.to_string()).unwrap();
+    fs::copy(place.path("flat/weights.safetensors"), place.path("units/weights.safetensors")).unwrap();
+    fs::write(path, file.to_string()).unwrap();
     let error = smaclite_learn::TrainedTeam::open(&place.path("units")).unwrap_err().to_string();
     assert!(error.contains("weights.safetensors") && error.contains("actor.own.weight"), "{error}");
 }
@@ -130,15 +124,6 @@ fn serve(place: &Place, map: &str, change: impl FnOnce(&mut LaneConfig)) -> Supe
         runtime_dir: place.runtime_dir.clone(),
     };
     Supervisor::start(config).unwrap()
-}
-
-#[test]
-fn a_team_trains_on_the_lane_of_a_running_pool() {
-    let place = Place::new();
-    let _pool = serve(&place, "3m", |_| {});
-    let lanes = Lanes::attach(&scenario(), &place.runtime_dir, "pool", &[], &mut || false).unwrap();
-    let run = Run::begin(&place.path("run"), small(), &scenario(), lanes, 1).unwrap();
-    assert!(complete(run).steps >= 930);
 }
 
 /// Its checkpoints have no snapshots, so a resumed run begins new episodes; with the field it is the
@@ -180,39 +165,28 @@ fn a_team_observes_its_last_actions() {
     assert!(complete(Run::resume(&place.path("run"), Some(2000), lanes, 1).unwrap()).steps >= 2000);
 }
 
-/// A run of an older release has no last actions and no floor of advantages.
-#[test]
-fn hyperparameters_of_older_runs_are_read() {
-    let place = Place::new();
-    let config = Config { advantage_floor: 0.0, ..small() };
-    place.train("run", &config, 1);
-    let path = place.path("run").join("run.json");
-    let text = fs::read_to_string(&path).unwrap();
-    let without = |text: &str, line: &str| {
-        assert!(text.contains(line), "{line} in {text}");
-        text.replace(line, "")
-    };
-    let older = without(&text, "    \"last_actions\": 0,\n");
-    let older = without(&older, "    \"advantage_floor\": 0.0,\n");
-    fs::write(&path, older).unwrap();
-    assert_eq!(RunDescription::read(&place.path("run")).unwrap().config, config);
-}
-
 /// Other programs read `run.json`, and later releases read those of this one.
 #[test]
-fn a_run_is_described_by_files_rules_and_episode_limit() {
+fn a_run_is_described_by_hyperparameters_files_rules_and_episode_limit() {
     let place = Place::new();
-    place.train("run", &small(), 1);
-    let path = place.path("run").join("run.json");
+    let config = Config { advantage_floor: 0.0, ..small() };
+    drop(place.begin("run", &config, 1));
+    let path = place.path("run/run.json");
     let mut file: Value = serde_json::from_str(&fs::read_to_string(&path).unwrap()).unwrap();
-    let keys: Vec<&String> = file.as_object().unwrap().keys().collect();
-    assert_eq!(keys, ["config", "episode_limit", "files", "rules", "version"]);
+    let keys = |value: &Value| value.as_object().unwrap().keys().cloned().collect::<Vec<_>>();
+    assert_eq!(keys(&file), ["config", "episode_limit", "files", "rules", "version"]);
+    assert_eq!(keys(&file["files"]), ["source", "text", "unit_files"]);
     assert_eq!((&file["episode_limit"], &file["rules"]), (&60.into(), &"smaclite".into()));
-    let files: Vec<&String> = file["files"].as_object().unwrap().keys().collect();
-    assert_eq!(files, ["source", "text", "unit_files"]);
+    // Published weights and the files of older runs are of flat networks, and it does not say so.
+    assert!(file["config"].get("network").is_none());
+    // A run of an older release has no last actions and no floor of advantages.
+    for name in ["last_actions", "advantage_floor"] {
+        file["config"].as_object_mut().unwrap().remove(name).unwrap();
+    }
     (file["episode_limit"], file["rules"]) = (Value::Null, "paper".into());
     fs::write(&path, file.to_string()).unwrap();
-    let setup = RunDescription::read(&place.path("run")).unwrap().setup;
+    let RunDescription { config: read, setup, .. } = RunDescription::read(&place.path("run")).unwrap();
+    assert_eq!(read, config);
     assert_eq!(setup, BattleSetup { rules: Rules::Paper, episode_limit: EpisodeLimit::None, ..scenario() });
 }
 
