@@ -1,11 +1,10 @@
 //! From observations to actions. The first layer reads the observations in shared memory.
 
 use crate::architecture::Workspace;
-use crate::math::vectorised;
+use crate::math::{vectorised, zeros};
 use crate::policy::{Choice, choose};
 use crate::random::{Purpose, generator, uniform};
 use crate::team::{Network, agent_ids};
-use crate::view::View;
 use smaclite_engine::Sizes;
 
 /// The memory of inference. Rows are agents of environments.
@@ -32,12 +31,9 @@ pub(crate) struct Chosen {
 impl Chosen {
     /// That many rows, with no-op alone.
     pub fn clear(&mut self, rows: usize, padded: usize) {
-        self.masks.clear();
-        self.masks.resize(rows * padded, 0);
-        self.actions.clear();
-        self.actions.resize(rows, 0);
-        self.log_probs.clear();
-        self.log_probs.resize(rows, 0.0);
+        zeros(&mut self.masks, rows * padded);
+        zeros(&mut self.actions, rows);
+        zeros(&mut self.log_probs, rows);
     }
 
     /// Copies the rows of environment `from_env` of another choice to those of environment `env`.
@@ -58,12 +54,6 @@ pub(crate) struct Rows<'a> {
     pub obs: &'a [f32],
     /// `[environments, n_agents, n_actions]`.
     pub available: &'a [u8],
-}
-
-impl<'a> From<&View<'a>> for Rows<'a> {
-    fn from(view: &View<'a>) -> Rows<'a> {
-        Rows { sizes: view.sizes, obs: view.obs, available: view.available }
-    }
 }
 
 /// Where the random numbers of actions come from.

@@ -116,7 +116,7 @@ impl Rollout {
         for (side, sizes) in self.views(sizes) {
             let view = View::of(batch, side, sizes);
             let sample = self.sample(t, side, first_env);
-            store(&mut self.obs, sample, sizes.n_agents * sizes.obs_size, view.obs);
+            store(&mut self.obs, sample, sizes.n_agents * sizes.obs_size, view.rows.obs);
             if !self.state.is_empty() {
                 store(&mut self.state, sample, sizes.state_size, view.state);
             }

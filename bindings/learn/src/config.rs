@@ -357,6 +357,7 @@ mod tests {
         assert_eq!(config(64, &[1.0, 1.0, 1000.0]).envs_of_maps(3), [1, 1, 62]);
         assert_eq!(config(3, &[1.0, 1000.0, 1.0]).envs_of_maps(3), [1, 1, 1]);
         // These overflowed.
+        assert_eq!(config(64, &[1e307; 2]).envs_of_maps(2), [32, 32]);
         assert_eq!(config(64, &[1e308; 2]).envs_of_maps(2), [32, 32]);
         assert_eq!(config(64, &[1e300, f64::MAX, 1.0]).envs_of_maps(3), [1, 62, 1]);
         assert_eq!(config(64, &[1.0, 1e-308, 3.0]).envs_of_maps(3), [16, 1, 47]);

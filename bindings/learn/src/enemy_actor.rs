@@ -39,13 +39,13 @@ impl BothActors {
     ) {
         let BothActors { allies, enemies, joint } = self;
         joint.clear();
-        let view = View::of(batch, Faction::Ally, sizes);
-        allies.act(teams.own, Rows::from(&view), choice, of_allies, first_env..);
+        let rows = View::of(batch, Faction::Ally, sizes).rows;
+        allies.act(teams.own, rows, choice, of_allies, first_env..);
         let Some(enemy_sizes) = sizes.of(Faction::Enemy).filter(|_| teams.league.is_played()) else {
             return;
         };
-        let view = View::of(batch, Faction::Enemy, enemy_sizes);
-        enemies.act(teams, batch, &view, first_env, of_enemies);
+        let rows = View::of(batch, Faction::Enemy, enemy_sizes).rows;
+        enemies.act(teams, batch, rows, first_env, of_enemies);
         let of_enemies = enemies.chosen.actions.chunks(enemy_sizes.n_agents);
         for (allies, enemies) in allies.chosen.actions.chunks(sizes.n_agents).zip(of_enemies) {
             joint.extend_from_slice(allies);
@@ -87,38 +87,38 @@ pub(crate) fn players<'a>(
 
 impl EnemyActor {
     /// Draws an action for every enemy that a team plays; the others have no-op.
-    fn act(&mut self, teams: Teams<'_>, batch: &Batch, view: &View<'_>, first_env: usize, draw: Draw) {
+    fn act(&mut self, teams: Teams<'_>, batch: &Batch, rows: Rows<'_>, first_env: usize, draw: Draw) {
         self.players.clear();
         self.players.extend(players(batch, teams.league, first_env));
-        let n_rows = self.players.len() * view.sizes.n_agents;
+        let n_rows = self.players.len() * rows.sizes.n_agents;
         self.chosen.clear(n_rows, teams.own.architecture.padded_out());
         let mut distinct: Vec<Player> = self.players.iter().copied().flatten().collect();
         distinct.sort_unstable();
         distinct.dedup();
         for player in distinct {
-            self.gather(view, player);
+            self.gather(rows, player);
             let EnemyActor { actor, obs, available, envs, chosen, .. } = self;
             let numbers = envs.iter().map(|env| first_env + env);
-            let rows = Rows { sizes: view.sizes, obs, available };
+            let rows = Rows { obs, available, ..rows };
             actor.act(teams.league.actor(player, teams.own), rows, Choice::Sampled, draw, numbers);
             for (i, env) in envs.iter().enumerate() {
-                chosen.copy_env(*env, &actor.chosen, i, view.sizes.n_agents);
+                chosen.copy_env(*env, &actor.chosen, i, rows.sizes.n_agents);
             }
         }
     }
 
     /// Copies the rows of the environments that a player plays.
-    fn gather(&mut self, view: &View<'_>, player: Player) {
+    fn gather(&mut self, rows: Rows<'_>, player: Player) {
         let EnemyActor { obs, available, envs, players, .. } = self;
         envs.clear();
         envs.extend((0..players.len()).filter(|env| players[*env] == Some(player)));
-        let (obs_width, mask_width) =
-            (view.sizes.n_agents * view.sizes.obs_size, view.sizes.n_agents * view.sizes.n_actions);
+        let Sizes { n_agents, n_actions, obs_size, .. } = rows.sizes;
+        let (obs_width, mask_width) = (n_agents * obs_size, n_agents * n_actions);
         obs.clear();
         available.clear();
         for env in envs {
-            obs.extend_from_slice(&view.obs[*env * obs_width..][..obs_width]);
-            available.extend_from_slice(&view.available[*env * mask_width..][..mask_width]);
+            obs.extend_from_slice(&rows.obs[*env * obs_width..][..obs_width]);
+            available.extend_from_slice(&rows.available[*env * mask_width..][..mask_width]);
         }
     }
 

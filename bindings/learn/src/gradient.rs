@@ -3,10 +3,11 @@
 
 use crate::architecture::Workspace;
 use crate::loss::{PolicyLoss, PolicyRow, PolicyStats, ValueLoss};
-use crate::math::{add, vectorised};
+use crate::math::{add, vectorised, zeros};
 use crate::parallel::{self, Interrupted};
 use crate::rollout::Rollout;
-use crate::team::{Network, OnScenario, Team};
+use crate::team::{Network, Team};
+use crate::universal::Specialisation;
 
 /// Rows of one pass: enough for fast products, and few enough that their activations stay in the L2 cache.
 const BLOCK: usize = 256;
@@ -32,19 +33,13 @@ pub(crate) struct Data<'a> {
 
 /// What a map has in a minibatch.
 pub(crate) struct Share<'a> {
-    pub networks: Networks<'a>,
+    /// What acts on the map.
+    pub team: &'a Team,
+    /// How universal networks became that team.
+    pub specialisations: Option<&'a [Specialisation; 2]>,
     pub data: &'a Data<'a>,
     pub policy_rows: &'a [u32],
     pub value_rows: &'a [u32],
-}
-
-/// The networks that act on a map.
-#[derive(Clone, Copy)]
-pub(crate) enum Networks<'a> {
-    /// Those that learn.
-    Same(&'a Team),
-    /// What universal ones are there.
-    OnScenario(&'a OnScenario),
 }
 
 /// The losses of a minibatch.
@@ -89,15 +84,6 @@ struct Job<'a> {
     rows: &'a [u32],
 }
 
-impl<'a> Networks<'a> {
-    pub fn team(self) -> &'a Team {
-        match self {
-            Networks::Same(team) => team,
-            Networks::OnScenario(on_scenario) => on_scenario.team(),
-        }
-    }
-}
-
 impl Gradients {
     /// Computes the gradients of both losses over the rows of all maps, with one thread per memory.
     pub fn compute(
@@ -122,10 +108,9 @@ impl Gradients {
         self.reset(team);
         for (job, result) in jobs.iter().zip(&self.jobs) {
             let sum = if job.is_actor { &mut self.actor } else { &mut self.critic };
-            match job.share.networks {
-                Networks::Same(_) => add(sum, &result.gradient),
-                Networks::OnScenario(on_scenario) => {
-                    let [actor, critic] = on_scenario.specialisations();
+            match job.share.specialisations {
+                None => add(sum, &result.gradient),
+                Some([actor, critic]) => {
                     if job.is_actor { actor } else { critic }.take_back(&result.gradient, sum);
                 }
             }
@@ -138,8 +123,7 @@ impl Gradients {
     /// Of no row yet.
     fn reset(&mut self, team: &Team) {
         for (sum, network) in [(&mut self.actor, &team.actor), (&mut self.critic, &team.critic)] {
-            sum.clear();
-            sum.resize(network.params.len(), 0.0);
+            zeros(sum, network.params.len());
         }
         (self.policy_stats, self.value_loss) = (PolicyStats::default(), 0.0);
     }
@@ -147,8 +131,7 @@ impl Gradients {
 
 impl JobResult {
     fn reset(&mut self, n_params: usize) {
-        self.gradient.clear();
-        self.gradient.resize(n_params, 0.0);
+        zeros(&mut self.gradient, n_params);
         (self.policy_stats, self.value_loss) = (PolicyStats::default(), 0.0);
     }
 }
@@ -162,8 +145,7 @@ impl<'a> Share<'a> {
 
 impl<'a> Job<'a> {
     fn network(&self) -> &'a Network {
-        let team = self.share.networks.team();
-        if self.is_actor { &team.actor } else { &team.critic }
+        if self.is_actor { &self.share.team.actor } else { &self.share.team.critic }
     }
 }
 

@@ -78,6 +78,12 @@ pub(crate) fn add(to: &mut [f32], values: &[f32]) {
     );
 }
 
+/// So many zeros, in the same memory.
+pub(crate) fn zeros<T: Clone + Default>(values: &mut Vec<T>, len: usize) {
+    values.clear();
+    values.resize(len, T::default());
+}
+
 /// Mean and standard deviation in f64; (0, 1) without values.
 pub(crate) fn mean_and_deviation(values: impl Iterator<Item = f32> + Clone) -> (f64, f64) {
     let count = values.clone().count().max(1) as f64;

@@ -3,8 +3,7 @@
 //! A *seat* is a side of an environment that is learnt from. The allies of all environments come first; if
 //! the team plays both sides, the enemies of all environments follow.
 
-use crate::config::Enemies;
-use crate::config::{Algorithm, Config};
+use crate::config::{Algorithm, Config, Enemies};
 use crate::math::WIDTH;
 use serde::{Deserialize, Serialize};
 use smaclite_engine::{Faction, Sizes};

@@ -34,7 +34,7 @@ mod scorer;
 
 use crate::config::Activation;
 use crate::linear::{Linear, NamedMap, Tensor, differentiate, fit};
-use crate::math::WIDTH;
+use crate::math::{WIDTH, zeros};
 use encoder::{Encoder, EncoderMemory};
 use faer::Accum;
 use passes::activate;
@@ -236,8 +236,7 @@ impl UnitsNetwork {
         let trunk = &trunk[..*samples * self.trunk[1].n_out()];
         let head = fit(head, *samples * self.head.n_out());
         self.head.forward(params, trunk, head, None);
-        output.clear();
-        output.resize(*samples * padded, 0.0);
+        zeros(output, *samples * padded);
         for (to, head) in output.chunks_exact_mut(padded).zip(head.chunks_exact(self.head.n_out())) {
             to[..n_head].copy_from_slice(&head[..n_head]);
         }

@@ -1,6 +1,7 @@
 //! What one side has in a batch. Whatever plays, stores or learns reads a side through this, so that
 //! nothing is written twice for allies and enemies.
 
+use crate::actor::Rows;
 use smaclite_engine::{Faction, Sizes};
 use smaclite_ipc::Batch;
 use smaclite_pool::fields::Field;
@@ -8,12 +9,8 @@ use smaclite_pool::fields::Field;
 /// The fields that a side is read from.
 #[derive(Clone, Copy)]
 pub(crate) struct View<'a> {
-    /// As the units of that side have them: its own number is `n_agents`.
-    pub sizes: Sizes,
-    /// `[environments, n_agents, obs_size]`.
-    pub obs: &'a [f32],
-    /// `[environments, n_agents, n_actions]`.
-    pub available: &'a [u8],
+    /// With sizes as the units of that side have them: its own number is `n_agents`.
+    pub rows: Rows<'a>,
     /// `[environments, state_size]`; empty if the lane does not have it.
     pub state: &'a [f32],
     /// `[environments]`.
@@ -50,9 +47,7 @@ impl<'a> View<'a> {
         let [obs, available, state, rewards] = fields_of(side);
         let floats = |field| batch.field::<f32>(field).unwrap_or(&[]);
         View {
-            sizes,
-            obs: floats(obs),
-            available: batch.field(available).unwrap_or(&[]),
+            rows: Rows { sizes, obs: floats(obs), available: batch.field(available).unwrap_or(&[]) },
             state: floats(state),
             rewards: floats(rewards),
         }

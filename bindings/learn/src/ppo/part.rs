@@ -2,7 +2,7 @@
 
 use crate::config::{Algorithm, Config};
 use crate::gae::{Steps, advantages};
-use crate::gradient::{Data, Networks, Share, ThreadMemory, values};
+use crate::gradient::{Data, Share, ThreadMemory, values};
 use crate::parallel::Interrupted;
 use crate::random::{Purpose, generator};
 use crate::rollout::{Rollout, rows};
@@ -26,8 +26,9 @@ impl Played<'_> {
         }
     }
 
-    fn networks<'t>(&'t self, team: &'t Team) -> Networks<'t> {
-        self.on_scenario.as_deref().map_or(Networks::Same(team), Networks::OnScenario)
+    /// What acts on the map.
+    fn team<'t>(&'t self, team: &'t Team) -> &'t Team {
+        self.on_scenario.as_ref().map_or(team, |on_scenario| on_scenario.team())
     }
 }
 
@@ -57,7 +58,7 @@ impl<'a> Part<'a> {
         let policy_rows = rollout.policy_rows(&samples);
         let value_rows: Vec<u32> = rows(&samples, values_per_env).collect();
         played.specialise(team);
-        let critic = &played.networks(team).team().critic;
+        let critic = &played.team(team).critic;
         let old_values = values(critic, critic_inputs, critic_size, values_per_env, threads, interrupted)?;
         let (returns, advantages) = (Vec::new(), Vec::new());
         let data =
@@ -93,7 +94,8 @@ impl<'a> Part<'a> {
     /// What this map has in minibatch `i` of `n`.
     pub fn share<'s>(&'s self, team: &'s Team, i: usize, n: usize) -> Share<'s> {
         Share {
-            networks: self.played.networks(team),
+            team: self.played.team(team),
+            specialisations: self.played.on_scenario.as_ref().map(|on| on.specialisations()),
             data: &self.data,
             policy_rows: nth(&self.policy_rows, i, n),
             value_rows: nth(&self.value_rows, i, n),

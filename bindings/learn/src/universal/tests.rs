@@ -1,8 +1,7 @@
 //! Tests of `universal`: one team fits every scenario, and sees what types are instead of their numbers.
 
 use super::*;
-use crate::architecture::Architecture;
-use crate::architecture::{Inputs, Workspace};
+use crate::architecture::{Architecture, Inputs, Workspace};
 use crate::config::{Algorithm, Config};
 use crate::random::{Purpose, generator, uniform};
 use crate::team::{OnScenario, Team, agent_ids};
