@@ -160,8 +160,8 @@ impl RunDescription {
         Ok(run)
     }
 
-    /// In what this run differs from the expected one, besides hyperparameters of these names; for messages,
-    /// as [`BattleSetup::differences`].
+    /// In what this run differs from the expected one, besides hyperparameters of these names.
+    /// For messages, as [`BattleSetup::differences`].
     pub(crate) fn differences(&self, expected: &RunDescription, besides: &[&str]) -> String {
         let of_maps = self.setups().zip(expected.setups()).map(|(given, expected)| {
             let source = expected.files.source.clone(); // where a file was is no difference

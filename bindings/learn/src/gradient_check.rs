@@ -1,5 +1,5 @@
-//! For tests: the gradients of a network are the finite differences of the same network, written with loops in
-//! f64.
+//! For tests: the gradients of a network are the finite differences of the same network, written with
+//! loops in f64.
 
 use crate::architecture::{Architecture, Workspace};
 use crate::random::{Purpose, generator, uniform};

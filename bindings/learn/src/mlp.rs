@@ -100,9 +100,9 @@ impl Mlp {
         tensors
     }
 
-    /// The layers. First weights are orthogonal, scaled by √2 in hidden layers and by `last_gain` in the last.
-    /// An orthogonal matrix keeps the length of its input, and √2 makes up for the half that max(x, 0) drops,
-    /// so signals neither vanish nor grow with depth (Saxe, McClelland and Ganguli, 2013).
+    /// The layers. First weights are orthogonal, scaled by √2 in hidden layers and by `last_gain` in the
+    /// last. An orthogonal matrix keeps the length of its input, and √2 makes up for the half that
+    /// max(x, 0) drops, so signals neither vanish nor grow with depth (Saxe, McClelland and Ganguli, 2013).
     pub fn maps(&self, last_gain: f64) -> Vec<NamedMap<'_>> {
         let gain = |i| if i + 1 == self.layers.len() { last_gain } else { SQRT_2 };
         self.layers.iter().enumerate().map(|(i, layer)| (i.to_string(), layer, gain(i))).collect()

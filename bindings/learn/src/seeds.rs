@@ -73,7 +73,8 @@ impl Seeds {
         runtime_dir: &RuntimeDir,
     ) -> Result<Seeds, SeedsError> {
         check_seeds(config.seed, count)?;
-        check_free(folder)?; // also of other seeds: with other options, these would be no runs of one algorithm
+        // Also of other seeds: with other options, these would be no runs of one algorithm.
+        check_free(folder)?;
         let path = seed_folder(folder, config.seed);
         begin(&path, None, config.clone(), setups, runtime_dir)?; // else, there is nothing to continue
         Seeds { runs: vec![(config.seed, path)] }.complete(count, runtime_dir)

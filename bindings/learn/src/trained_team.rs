@@ -26,9 +26,9 @@ pub struct TrainedTeam {
 /// A team has networks for units of other numbers or kinds.
 #[derive(Debug, PartialEq, thiserror::Error)]
 #[error(
-    "the team was trained in `{trained_in}` and plays {} units with {} actions and observations of {} numbers, \
-     but the {side} of this scenario are {} with {} and {}; a team plays the enemies only of scenarios whose \
-     two sides have equal sizes",
+    "the team was trained in `{trained_in}` and plays {} units with {} actions and observations of {} \
+     numbers, but the {side} of this scenario are {} with {} and {}; a team plays the enemies only of \
+     scenarios whose two sides have equal sizes",
     expected.n_agents, expected.n_actions, expected.obs_size, given.n_agents, given.n_actions, given.obs_size
 )]
 pub struct UnfitTeam {
@@ -187,8 +187,8 @@ impl TrainedTeam {
         actor.chosen.actions
     }
 
-    /// Writes what a side's units observe and can do. Behind the other features of its row, every living unit
-    /// has the last actions, as in lanes.
+    /// Writes what a side's units observe and can do. Behind the other features of its row, every living
+    /// unit has the last actions, as in lanes.
     pub(crate) fn observe<'a>(
         &self,
         battle: &Battle,

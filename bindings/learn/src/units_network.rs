@@ -166,8 +166,8 @@ impl UnitsNetwork {
         self.maps(1.0).iter().flat_map(|(name, map, _)| map.tensors(name)).collect()
     }
 
-    /// The maps. First weights are orthogonal, scaled as those of an `Mlp`. Where two maps are added, each has
-    /// half of the square of √2.
+    /// The maps. First weights are orthogonal, scaled as those of an `Mlp`. Where two maps are added, each
+    /// has half of the square of √2.
     pub fn maps(&self, last_gain: f64) -> Vec<NamedMap<'_>> {
         let named = |name: &str, map, gain| (name.to_owned(), map, gain);
         let mut maps = vec![named("own", &self.own, 1.0)];

@@ -1,4 +1,5 @@
-//! Tests of networks over units: their gradients, and what must hold of units whose rows change places or are not seen.
+//! Tests of networks over units: their gradients, and what must hold of units whose rows change places or
+//! are not seen.
 
 use super::*;
 use crate::architecture::Architecture;

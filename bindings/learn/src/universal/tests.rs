@@ -68,8 +68,8 @@ fn one_team_fits_every_standard_scenario() {
     }
 }
 
-/// Numbers of types mean nothing: a team sees what the types are. Where all units are of one type, observations
-/// may say it, or not. (Of the dead they say nothing.)
+/// Numbers of types mean nothing: a team sees what the types are. Where all units are of one type,
+/// observations may say it, or not. (Of the dead they say nothing.)
 #[test]
 fn a_type_is_known_whatever_its_number() {
     let check = |name: &str, algorithm, steps, change: fn(&mut Scenario)| {
