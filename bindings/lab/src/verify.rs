@@ -3,9 +3,9 @@
 use smaclite_learn::{
     BothEpisodes, Choice, EVALUATION_EPISODES, Episode, EvaluationFiles, EvaluationRow, Evaluator,
     FINAL_EPISODES, FileError, FinalResult, Network, Occasion, RunDescription, Summary, Weights,
-    parallel::Interrupted,
+    parallel::Interrupted, read_file,
 };
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 /// What was played again.
@@ -79,6 +79,11 @@ pub enum VerifyError {
     )]
     NotTheBest { folder: String, played: u64, best: u64 },
     #[error(
+        "`{folder}` is not verified: the evaluation at {steps} steps is of {found} trained steps in \
+         evaluations.csv, but of {expected} in {file}"
+    )]
+    TrainedSteps { folder: String, steps: u64, found: u64, expected: u64, file: &'static str },
+    #[error(
         "`{folder}` is not verified: best.safetensors has other weights than the evaluation at {best} steps"
     )]
     OtherWeights { folder: String, best: u64 },
@@ -117,6 +122,7 @@ pub fn verify(
     let mut verification = Verification::default();
     let (all, result) = (verifier.recorded()?, FinalResult::read(folder)?);
     verifier.check_steps(&all, result.as_ref())?;
+    verifier.check_trained_steps(&all, result.as_ref())?;
     for (row, recorded) in spread(&all, evaluations) {
         let steps = row.steps;
         let which = format!("the evaluation at {steps} steps");
@@ -210,6 +216,35 @@ impl<'a> Verifier<'a> {
             }
             _ => Ok(()),
         }
+    }
+
+    /// Rows have the trained steps that the log has after as many updates, and the final result has those of
+    /// its row. A log can lack updates that a process which was killed had made.
+    fn check_trained_steps(
+        &self,
+        all: &[(EvaluationRow, BothEpisodes)],
+        result: Option<&FinalResult>,
+    ) -> Result<(), VerifyError> {
+        let log = self.folder.join("log.csv");
+        let log = if log.exists() { read_file(&log)? } else { Vec::new() };
+        let log = String::from_utf8_lossy(&log);
+        let counts = |line: &str| {
+            let mut fields = line.split(',').map_while(|field| field.parse::<u64>().ok());
+            fields.next().zip(fields.next())
+        };
+        let logged: BTreeMap<u64, u64> = log.lines().filter_map(counts).chain([(0, 0)]).collect();
+        for (row, _) in all {
+            let of_log = logged.get(&row.updates).map(|steps| ("log.csv", *steps));
+            let of_result = result.filter(|result| result.steps == row.steps);
+            let of_result = of_result.map(|result| ("final.json", result.trained_steps));
+            let (steps, found) = (row.steps, row.trained_steps);
+            let other = of_log.into_iter().chain(of_result).find(|(_, expected)| *expected != found);
+            if let Some((file, expected)) = other {
+                let folder = self.folder.display().to_string();
+                return Err(VerifyError::TrainedSteps { folder, steps, found, expected, file });
+            }
+        }
+        Ok(())
     }
 
     fn actor(&self, path: &Path) -> Result<Network, FileError> {

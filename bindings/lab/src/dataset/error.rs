@@ -46,6 +46,13 @@ pub enum DatasetError {
     NoLimit,
     #[error("a dataset has the actions of the agents only, but in this run joint actions play both sides")]
     BothSides,
+    #[error(
+        "the policy {policy} reads the types of units in states, but these do not tell apart the types that \
+         each episode draws: give each a number (`num_unit_types` and `unit_type_ids`)"
+    )]
+    EqualTypes { policy: &'static str },
+    #[error("the policy {policy} reads the units of states, but `obs_instead_of_state` of `smacv2` is true")]
+    NoUnits { policy: &'static str },
     #[error("a dataset must have at most {max} steps; record fewer")]
     TooManySteps { max: usize },
     #[error("a dataset must have at most {max} policies, got {given} evaluations")]

@@ -60,8 +60,11 @@ impl Files {
 
     /// Gives the folder its name.
     pub fn finish(self) -> Result<(), DatasetError> {
-        let failed = |error| DatasetError::Io { file: self.folder.display().to_string(), error };
-        std::fs::rename(self.partial.path(), &self.folder).map_err(failed)?;
+        let folder = || self.folder.display().to_string();
+        std::fs::rename(self.partial.path(), &self.folder).map_err(|error| match self.folder.exists() {
+            true => DatasetError::FolderExists { folder: folder() }, // another process was faster
+            false => DatasetError::Io { file: folder(), error },
+        })?;
         let _ = self.partial.keep(); // it has another name now
         Ok(())
     }
@@ -112,6 +115,19 @@ fn row_bytes(array: ArrayName, dataset: &Dataset) -> usize {
 mod tests {
     use super::*;
     use crate::dataset::tests::recorded;
+
+    /// The message of the second was "Directory not empty".
+    #[test]
+    fn two_expansions_at_once_write_one_folder() {
+        let dataset = recorded(1);
+        let parent = tempfile::tempdir().unwrap();
+        let folder = parent.path().join("arrays");
+        let [first, second] = [(); 2].map(|()| Files::create(&dataset, &folder, [true; 12]).unwrap());
+        first.finish().unwrap();
+        let error = second.finish().unwrap_err().to_string();
+        assert!(error.ends_with("arrays: exists; the arrays must be written to a new folder"), "{error}");
+        assert_eq!(std::fs::read_dir(parent.path()).unwrap().count(), 1, "nothing is left beside it");
+    }
 
     /// On a full disk, the message was "obs.npy: No space left", of whatever folder.
     #[test]

@@ -10,6 +10,7 @@ use smaclite_learn::{
     Choice, EvaluationFiles, EvaluationRow, RunDescription, TrainedTeam, Weights, parallel, with_an_end,
     zoo_card,
 };
+use smaclite_scenarios::Scenario;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -165,6 +166,20 @@ fn recorded_arena(setup: &BattleSetup) -> Result<Arc<Arena>, DatasetError> {
     }
 }
 
+/// Refuses a script that would act by what states do not have, and so no learner can: it reads the units of
+/// battles, as in a pool those of states.
+fn check_states(tactic: Tactic, scenario: &Scenario) -> Result<(), DatasetError> {
+    let policy = tactic.name();
+    match &scenario.smacv2 {
+        _ if tactic == Tactic::Random => Ok(()),
+        Some(options) if options.obs_instead_of_state => Err(DatasetError::NoUnits { policy }),
+        _ if scenario.draws_teams() && !scenario.tells_types_apart() => {
+            Err(DatasetError::EqualTypes { policy })
+        }
+        _ => Ok(()),
+    }
+}
+
 /// What a dataset says of a team: whose it is, and where that is known how it was trained and plays, for a
 /// run on several maps on the first of them.
 fn policy_of(folder: &Path, weights: Weights, maps: usize) -> Result<Policy, DatasetError> {
@@ -190,6 +205,7 @@ impl Source {
     fn open(&self) -> Result<(BattleSetup, Vec<(Policy, Player)>), DatasetError> {
         match self {
             Source::Script { setup, tactic } => {
+                check_states(*tactic, &setup.files.scenario()?)?;
                 let policy =
                     Policy { name: tactic.name().to_owned(), training_steps: None, sampled_win_rate: None };
                 Ok((setup.clone(), vec![(policy, Player::Tactic(*tactic))]))

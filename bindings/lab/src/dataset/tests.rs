@@ -163,27 +163,48 @@ fn generated_battles_are_played_again() {
     assert_eq!(all(&read(&bytes_of(&dataset)).unwrap(), 1), all(&dataset, 2));
 }
 
-/// Of generated battles with SMACv2's interface, as JSON beside the usual keys.
-fn generated(keys: &str) -> Source {
+/// Battles in which one of two types is drawn for each unit, with these options of SMACv2's interface.
+fn generated(types: [&str; 2], smacv2: &str) -> Source {
+    let [a, b] = types;
     let text = format!(
-        r#"{{"name": "drawn", "num_unit_types": 0, "ally_has_shields": false, "enemy_has_shields": false,
-        "terrain_preset": "FLAT", "episode_limit": 30, "start_positions": {{"distribution": "surrounded"}},
-        "num_allied_units": 2, "num_enemy_units": 2, {keys}}}"#
+        r#"{{"name": "drawn", "ally_has_shields": false, "enemy_has_shields": false, "episode_limit": 30,
+        "terrain_preset": "FLAT", "start_positions": {{"distribution": "surrounded"}}, "smacv2": {smacv2},
+        "teams": {{"distribution": "all_teams", "unit_types": ["{a}", "{b}"]}}, "num_allied_units": 2,
+        "num_enemy_units": 2, "num_unit_types": 2, "unit_type_ids": {{"{a}": 0, "{b}": 1}}}}"#
     );
     let files = ScenarioFiles { source: "drawn.json".into(), text, unit_files: Vec::new() };
     Source::Script { setup: BattleSetup::new(files), tactic: Tactic::Kite }
 }
 
-fn recorded_of(source: Source, threads: usize) -> Dataset {
+fn record_some(source: Source, threads: usize) -> Result<Dataset, DatasetError> {
     let recording = Recording { source, amount: Amount::Episodes(30), seed: 1, greedy: false, threads };
-    Dataset::record(&recording, &mut || false).unwrap()
+    Dataset::record(&recording, &mut || false)
+}
+
+/// Scripts were recorded that acted by what no learner sees, as `ScriptedPolicy` of Python refuses to.
+#[test]
+fn a_script_that_reads_more_than_states_have_is_refused() {
+    let Source::Script { setup, .. } = generated(["MARINE", "MEDIVAC"], "{}") else { unreachable!() };
+    let json = |text: &str| serde_json::from_str::<serde_json::Value>(text).unwrap();
+    let no_numbers = [("num_unit_types", json("0")), ("unit_type_ids", json("null"))];
+    let no_units = [("smacv2", json(r#"{"obs_instead_of_state": true}"#))];
+    for (keys, expected) in [
+        (&no_numbers[..], "the policy kite reads the types of units in states, but these do not tell apart"),
+        (&no_units[..], "the policy kite reads the units of states, but `obs_instead_of_state` of `smacv2`"),
+    ] {
+        let keys = keys.iter().map(|(key, value)| ((*key).to_owned(), value.clone()));
+        let setup = BattleSetup::new(setup.files.with_keys(keys));
+        let record = |tactic| record_some(Source::Script { setup: setup.clone(), tactic }, 1);
+        let error = record(Tactic::Kite).unwrap_err().to_string();
+        assert!(error.starts_with(expected), "{error}");
+        record(Tactic::Random).unwrap();
+    }
 }
 
 /// They were over before their only step, and a dataset of them could not be read.
 #[test]
 fn battles_that_draw_healers_alone_have_one_step() {
-    let teams = r#""teams": {"distribution": "all_teams", "unit_types": ["MARINE", "MEDIVAC"]}"#;
-    let dataset = recorded_of(generated(&format!(r#"{teams}, "smacv2": {{}}"#)), 2);
+    let dataset = record_some(generated(["MARINE", "MEDIVAC"], "{}"), 2).unwrap();
     let lengths = || dataset.episodes().iter().map(|episode| episode.length);
     assert!(lengths().any(|length| length == 1) && lengths().all(|length| length >= 1));
     assert_eq!(all(&read(&bytes_of(&dataset)).unwrap(), 1), all(&dataset, 2));
@@ -193,10 +214,10 @@ fn battles_that_draw_healers_alone_have_one_step() {
 /// depended on what the same thread had played before.
 #[test]
 fn episodes_do_not_depend_on_those_before_them() {
-    let teams = r#""teams": {"distribution": "all_teams", "unit_types": ["MARINE", "MARAUDER"]}"#;
-    let source = || generated(&format!(r#"{teams}, "smacv2": {{"published": true}}"#));
-    let bytes = bytes_of(&recorded_of(source(), 1));
-    assert_eq!(bytes_of(&recorded_of(source(), 4)), bytes);
+    let record =
+        |threads| record_some(generated(["MARINE", "MARAUDER"], r#"{"published": true}"#), threads).unwrap();
+    let bytes = bytes_of(&record(1));
+    assert_eq!(bytes_of(&record(4)), bytes);
     let dataset = read(&bytes).unwrap();
     assert_eq!(all(&dataset, 1), all(&dataset, 5));
 }

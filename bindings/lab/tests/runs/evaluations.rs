@@ -2,6 +2,7 @@
 //! ones, what was recorded can be verified, and the best weights are those that play.
 
 use crate::kit::{Place, check_resumed, complete, evaluated, evaluation, scenario, small};
+use serde_json::{Value, json};
 use smaclite_engine::Rules;
 use smaclite_lab::{Benchmark, verify};
 use smaclite_learn::{
@@ -144,13 +145,21 @@ fn every_change_to_the_results_is_found() {
     };
     let check = |error: String, expected: &str| assert!(error.contains(expected), "{error}");
 
-    let other_mean = text(|rows| {
-        let line = rows.lines().find(|line| line.starts_with("400,")).unwrap();
-        let mut fields: Vec<&str> = line.split(',').collect();
-        fields[7] = "19.5"; // sampled_mean_return
-        rows.replace(line, &fields.join(","))
-    });
-    check(error_after(&path, "evaluations.csv", other_mean), "the evaluation at 400 steps, sampled means");
+    let log = "the evaluation at 400 steps is of 401 trained steps in evaluations.csv, but of";
+    for (column, value, expected) in [
+        ("sampled_mean_return", "19.5", "the evaluation at 400 steps, sampled means"),
+        ("trained_steps", "401", log),
+        ("updates", "1", "in evaluations.csv, but of 1"), // of the log's first line
+    ] {
+        let other_value = |bytes: Vec<u8>| {
+            let rows = String::from_utf8(bytes).unwrap();
+            let line = rows.lines().find(|line| line.starts_with("400,")).unwrap();
+            let mut fields: Vec<&str> = line.split(',').collect();
+            fields[EvaluationRow::COLUMNS.iter().position(|name| *name == column).unwrap()] = value;
+            rows.replace(line, &fields.join(",")).into_bytes()
+        };
+        check(error_after(&path, "evaluations.csv", other_value), expected);
+    }
     let no_row = text(|rows| rows.replacen("\n400,", "\nmany,", 1));
     check(error_after(&path, "evaluations.csv", no_row), "line 3 is `many,");
     for steps in ["0", "400", "930"] {
@@ -183,28 +192,20 @@ fn every_change_to_the_results_is_found() {
     let of_other = fs::read(path.join(format!("evaluations/{other}.safetensors"))).unwrap();
     let error = error_after(&path, "best.safetensors", |_| of_other.clone());
     check(error, "best.safetensors has other weights than the evaluation at");
-    let later = |bytes: Vec<u8>| {
-        let mut result: serde_json::Value = serde_json::from_slice(&bytes).unwrap();
-        result["steps"] = 1.into();
-        result.to_string().into_bytes()
-    };
-    check(error_after(&path, "final.json", later), "final.json is of 1 steps, but the best evaluation is at");
-    let won = |bytes: Vec<u8>| {
-        let mut result: serde_json::Value = serde_json::from_slice(&bytes).unwrap();
-        let episode = &mut result["sampled_episodes"][319];
-        episode["won"] = (!episode["won"].as_bool().unwrap()).into();
-        result.to_string().into_bytes()
-    };
-    check(error_after(&path, "final.json", won), "the final evaluation, sampled episode 319");
-    let shorter = |bytes: Vec<u8>| {
-        let mut result: serde_json::Value = serde_json::from_slice(&bytes).unwrap();
-        result["run_steps"] = 800.into();
-        result.to_string().into_bytes()
-    };
-    check(
-        error_after(&path, "final.json", shorter),
-        "final.json is of a run of 800 steps, but run.json says",
-    );
+    let won = result.sampled_episodes[319].won;
+    for (pointer, value, expected) in [
+        ("/steps", json!(1), "final.json is of 1 steps, but the best evaluation is at"),
+        ("/trained_steps", json!(1), "but of 1 in final.json"),
+        ("/sampled_episodes/319/won", json!(!won), "the final evaluation, sampled episode 319"),
+        ("/run_steps", json!(800), "final.json is of a run of 800 steps, but run.json says"),
+    ] {
+        let other_value = |bytes: Vec<u8>| {
+            let mut result: Value = serde_json::from_slice(&bytes).unwrap();
+            *result.pointer_mut(pointer).unwrap() = value.clone();
+            result.to_string().into_bytes()
+        };
+        check(error_after(&path, "final.json", other_value), expected);
+    }
     verify(&path, usize::MAX, 1, &mut || false).unwrap();
 }
 
