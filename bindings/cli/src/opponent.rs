@@ -3,8 +3,9 @@
 
 use crate::number::{count, whole};
 use clap::Args;
-use smaclite_engine::{Opponents, OpponentsError, Rules, Sides};
+use smaclite_engine::{Opponent, Opponents, OpponentsError, Rules, Sides};
 use smaclite_learn::{Enemies, FileError, RunDescription, SelfPlay, names_team};
+use smaclite_units::file::or_did_you_mean;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
@@ -21,10 +22,32 @@ pub(super) enum OpponentOption {
 }
 
 /// A text that is none of them.
+/// Why a text names no scripts. The messages of [`OpponentsError`] name `learner` too.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum ScriptsError {
+    #[error(
+        "unknown opponent `{0}`; the opponents are {names}{hint}",
+        names = scripts_by_name().join(", "),
+        hint = or_did_you_mean(.0, scripts_by_name())
+    )]
+    Unknown(String),
+    #[error("`learner` is for pools whose actions play both sides; the opponents here are {}",
+        scripts_by_name().join(", "))]
+    Learner,
+    #[error("at least one opponent must be named: {}", scripts_by_name().join(", "))]
+    None,
+    #[error(transparent)]
+    Other(OpponentsError),
+}
+
+fn scripts_by_name() -> Vec<&'static str> {
+    Opponent::scripts().map(Opponent::name).collect()
+}
+
 #[derive(Debug, thiserror::Error)]
 pub(super) enum OpponentOptionError {
     #[error("{0}; and there is no folder of that name with a run")]
-    Neither(OpponentsError),
+    Neither(ScriptsError),
     #[error("a trained team cannot be mixed with scripts here: name the team alone, or scripts alone")]
     Mixture,
     #[error(
@@ -43,9 +66,9 @@ impl FromStr for OpponentOption {
             "league" => return Ok(OpponentOption::League),
             _ => {}
         }
-        match text.parse::<Opponents>() {
-            Ok(scripts) if scripts.check(Sides::Allies).is_err() => Err(OpponentOptionError::Learner),
+        match scripts(text) {
             Ok(scripts) => Ok(OpponentOption::Scripts(scripts)),
+            Err(ScriptsError::Learner) => Err(OpponentOptionError::Learner),
             Err(_) if text.contains('=') && !Path::new(text).is_dir() && names_a_team_of(text) => {
                 Err(OpponentOptionError::Mixture)
             }
@@ -61,9 +84,13 @@ fn names_a_team_of(mixture: &str) -> bool {
 }
 
 /// Scripts, for battles in which nothing else plays the enemies.
-pub(super) fn scripts(text: &str) -> Result<Opponents, OpponentsError> {
-    let opponents: Opponents = text.parse()?;
-    opponents.check(Sides::Allies)?;
+pub(super) fn scripts(text: &str) -> Result<Opponents, ScriptsError> {
+    let opponents = text.parse::<Opponents>().map_err(|error| match error {
+        OpponentsError::Unknown(name) => ScriptsError::Unknown(name),
+        OpponentsError::None => ScriptsError::None,
+        error => ScriptsError::Other(error),
+    })?;
+    opponents.check(Sides::Allies).map_err(|_| ScriptsError::Learner)?;
     Ok(opponents)
 }
 
@@ -154,5 +181,10 @@ mod tests {
         assert!(error("kites").starts_with("unknown opponent `kites`; the opponents are attack_move"));
         assert!(error("kites").ends_with("no folder of that name with a run"));
         assert!(error("learner=1,kite=1").starts_with("`learner` is no opponent of a team"));
+        // They named sides `both`, which these options do not take.
+        for text in ["kites", "", "learner"] {
+            let errors = [error(text), scripts(text).unwrap_err().to_string()];
+            assert!(errors.iter().all(|error| !error.contains("sides `both`")), "{errors:?}");
+        }
     }
 }

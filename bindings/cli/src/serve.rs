@@ -16,8 +16,8 @@ use smaclite_ipc::{
 use smaclite_learn::LaneOpponents;
 use smaclite_pool::fields::{FieldSet, UnknownField};
 use smaclite_pool::{Autoreset, MAX_ENVS, PoolOptions};
-use smaclite_scenarios::ScenarioFiles;
-use smaclite_units::file::shortened;
+use smaclite_scenarios::{Scenario, ScenarioFiles};
+use smaclite_units::file::{did_you_mean, shortened};
 use std::error::Error;
 use std::hash::{BuildHasher, RandomState};
 use std::path::Path;
@@ -230,6 +230,11 @@ fn key_and_value(text: &str) -> Result<(String, Box<RawValue>), String> {
     let (key, value) = text.split_once('=').ok_or("must be KEY=JSON")?;
     if ScenarioFiles::ONLY_IN_FILES.contains(&key) {
         return Err(format!("{key} is for files, and --set opens none"));
+    }
+    let keys = Scenario::keys().iter().map(|known| known.name());
+    let keys: Vec<&str> = keys.filter(|known| !ScenarioFiles::ONLY_IN_FILES.contains(known)).collect();
+    if !keys.contains(&key) {
+        return Err(format!("unknown key `{}`; {}", shortened(key), did_you_mean(key, keys)));
     }
     let value = serde_json::from_str(value).map_err(|_| {
         let name = shortened(value);

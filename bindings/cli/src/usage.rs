@@ -145,6 +145,9 @@ mod tests {
         for (args, expected) in [
             ("x serve 3m:0", "after `:` must be a whole number between 1 and 1000000"),
             ("x serve a/b=3m", "`a/b` cannot be a name"),
+            // `$schema` was among them.
+            ("x serve 3m --set foo=1", "unknown key `foo`; expected one of name, num_allied_units"),
+            ("x serve 3m --set name", "must be KEY=JSON"),
             ("x serve 3m --sides foo", "[possible values: allies, both]"),
             ("x serve 3m --fields obs,obz", "unknown field `obz`; the fields are env_id"),
         ] {
