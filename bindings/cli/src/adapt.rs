@@ -1,6 +1,7 @@
 //! `smaclite-pool adapt`: write a team that plays every map as a team of one map.
 
-use super::{CommandResult, completions, refuse_file};
+use super::files::refuse_file;
+use super::{CommandResult, completions};
 use crate::check::warn_of;
 use clap::Args;
 use smaclite_learn::{RunDescription, Weights, adapt_team, resolve_scenario};

@@ -2,14 +2,14 @@
 //! export it. `smaclite_learn` does all of it but the export, for which the Python package has the libraries.
 
 use super::bench::this_program::python_interpreter;
-use super::{CommandResult, THREADS, completions};
+use super::{CommandResult, completions};
 use crate::check::warn_of;
-use crate::number::{count, seed};
+use crate::files::{check_file_of, check_folder_of};
+use crate::number::{Threads, count, seed};
 use crate::opponent::scripts;
 use crate::os;
-use crate::process::interrupt_flag;
-use crate::replay::{check_file_of, check_folder_of};
-use crate::table::Table;
+use crate::process::interruption;
+use crate::table::{Table, percent};
 use crate::usage::file_ending_in;
 use clap::{Args, Subcommand, ValueEnum};
 use smaclite_engine::policy::{Scripted, Tactic};
@@ -18,11 +18,9 @@ use smaclite_lab::{
     Amount, ArrayName, Card, DATASET_SUFFIX, Dataset, Distribution, PolicyCard, Quality, Recording, Source,
 };
 use smaclite_learn::{names_team, resolve_scenario};
-use smaclite_pool::PoolOptions;
 use std::error::Error;
 use std::path::{Path, PathBuf};
 use std::process::Command as Process;
-use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 #[derive(Args)]
@@ -86,9 +84,8 @@ struct Record {
     /// Let a team take the most probable action, instead of drawing one by its probability
     #[arg(long)]
     greedy: bool,
-    /// Number of threads, 1 to 1024; they change no result [default: the CPU cores available to this process]
-    #[arg(long, value_name = "N", value_parser = count(THREADS))]
-    threads: Option<usize>,
+    #[command(flatten)]
+    threads: Threads,
     /// The dataset file, NAME.smdata; a file of that name is replaced
     #[arg(long, value_name = "FILE", value_parser = file_ending_in(DATASET_SUFFIX))]
     out: PathBuf,
@@ -114,9 +111,8 @@ struct Expand {
     /// truncated, battle_won, final_obs, final_state, final_avail_actions, episode_start [default: all]
     #[arg(long, value_name = "NAME,...", value_delimiter = ',')]
     fields: Vec<String>,
-    /// Number of threads, 1 to 1024; they change no bit [default: the CPU cores available to this process]
-    #[arg(long, value_name = "N", value_parser = count(THREADS))]
-    threads: Option<usize>,
+    #[command(flatten)]
+    threads: Threads,
 }
 
 #[derive(Args)]
@@ -164,16 +160,16 @@ impl Record {
             (Some(steps), _) => Amount::Steps(steps),
             (_, episodes) => Amount::Episodes(episodes.unwrap_or(1)),
         };
-        let interrupted = interrupt_flag()?;
+        let interrupted = interruption()?;
         let recording = Recording {
             source: self.source()?,
             amount,
             seed: self.seed,
             greedy: self.greedy,
-            threads: self.threads.unwrap_or(PoolOptions::default().threads),
+            threads: self.threads.number(),
         };
         check_file_of("--out", &self.out)?;
-        let dataset = Dataset::record(&recording, &mut || interrupted.load(Ordering::Relaxed))?;
+        let dataset = Dataset::record(&recording, &mut || interrupted())?;
         dataset.write(&self.out)?;
         print_card(&dataset, &self.out)
     }
@@ -233,10 +229,10 @@ impl Expand {
             [] => ArrayName::ALL.to_vec(),
             names => names.iter().map(|name| ArrayName::from_name(name)).collect::<Result<_, _>>()?,
         };
-        let interrupted = interrupt_flag()?;
-        let threads = self.threads.unwrap_or(PoolOptions::default().threads);
+        let interrupted = interruption()?;
+        let threads = self.threads.number();
         let begin = Instant::now();
-        dataset.expand_to(&self.out, &arrays, threads, &mut || interrupted.load(Ordering::Relaxed))?;
+        dataset.expand_to(&self.out, &arrays, threads, &mut || interrupted())?;
         let seconds = begin.elapsed().as_secs_f64();
         let steps = dataset.n_steps();
         out!(
@@ -273,7 +269,7 @@ fn print_card(dataset: &Dataset, file: &Path) -> CommandResult {
         dataset.card();
     let bytes = std::fs::metadata(file)?.len();
     out!("{}: {scenario}, rules {rules}, opponent {opponents}", file.display())?;
-    out!("episodes   {episodes}: {:.1} % won, {:.1} % truncated", 100.0 * win_rate, 100.0 * truncated_rate)?;
+    out!("episodes   {episodes}: {} won, {} truncated", percent(*win_rate), percent(*truncated_rate))?;
     out!("steps      {steps}, {bytes} bytes ({:.2} per step)", bytes as f64 / *steps as f64)?;
     out!("returns    {}", text(returns))?;
     out!("lengths    {}", text(lengths))?;
@@ -286,10 +282,10 @@ fn print_card(dataset: &Dataset, file: &Path) -> CommandResult {
         table.push([
             name.clone(),
             policy.training_steps.map_or("-".to_owned(), |steps| format!("{steps} steps")),
-            policy.sampled_win_rate.map_or("-".to_owned(), |rate| format!("{:.1} %", 100.0 * rate)),
+            policy.sampled_win_rate.map_or("-".to_owned(), percent),
             episodes.to_string(),
             steps.to_string(),
-            format!("{:.1} %", 100.0 * win_rate),
+            percent(*win_rate),
             format!("{mean_return:.2}"),
         ]);
     }

@@ -2,9 +2,12 @@
 
 use super::{CommandResult, THREADS, completions, other_rules, replay, runtime_dir};
 use crate::check::warn_of;
+use crate::files::check_file_of;
 use crate::number::{count, seed};
 use crate::opponent::{OpponentOption, warn_of_other_rules};
-use crate::process::interrupt_flag;
+use crate::output::print_json;
+use crate::process::interruption;
+use crate::table::percent;
 use crate::usage::file_ending_in;
 use clap::Args;
 use smaclite_engine::IllegalAction;
@@ -15,7 +18,6 @@ use smaclite_pool::PoolOptions;
 use smaclite_view::{Recorder, SUFFIX};
 use std::error::Error;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::Ordering;
 
 #[derive(Args)]
 pub(super) struct Evaluate {
@@ -92,12 +94,12 @@ impl Evaluate {
             Evaluation { episodes, seed, weights, greedy, threads, opponents, opponent_team, map };
         let mut recording = match &self.record {
             Some(file) => {
-                replay::check_file_of("--record", file)?;
+                check_file_of("--record", file)?;
                 Some(Recording::new(&self.folder, &evaluation)?)
             }
             None => None,
         };
-        let interrupted = interrupt_flag()?;
+        let interrupted = interruption()?;
         let (mut printed, mut recorded) = (Ok(()), Ok(()));
         let mut on_event = |event: EvaluationEvent| match event {
             EvaluationEvent::Ended(episode) if json && printed.is_ok() => printed = print_json(&episode),
@@ -106,8 +108,8 @@ impl Evaluate {
             }
             _ => {}
         };
-        let mut stop = || interrupted.load(Ordering::Relaxed);
-        let result = evaluate(&self.folder, evaluation, &runtime_dir()?, &mut stop, &mut on_event)?;
+        let result =
+            evaluate(&self.folder, evaluation, &runtime_dir()?, &mut || interrupted(), &mut on_event)?;
         recorded?;
         let printed = printed.and_then(|()| if json { print_json(&result) } else { print_text(&result) });
         // The file does not depend on who reads the output.
@@ -160,13 +162,8 @@ fn print_text(result: &EvaluationResult) -> CommandResult {
     if result.weights == Weights::Best {
         out!("weights      the best")?;
     }
-    out!("win rate     {:.1} %", 100.0 * result.win_rate)?;
+    out!("win rate     {}", percent(result.win_rate))?;
     out!("mean return  {:.2} (standard deviation {:.2})", result.mean_return, result.return_deviation)?;
     out!("mean length  {:.1} steps", result.mean_length)?;
-    Ok(())
-}
-
-fn print_json(value: &impl serde::Serialize) -> CommandResult {
-    out!("{}", serde_json::to_string(value)?)?;
     Ok(())
 }

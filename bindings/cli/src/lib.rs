@@ -29,6 +29,7 @@ mod doctor;
 mod edit;
 mod evaluate;
 mod exploit;
+mod files;
 mod licences;
 mod list;
 mod man;
@@ -240,27 +241,6 @@ fn runtime_dir() -> Result<RuntimeDir, RuntimeDirError> {
 /// What headings say of rules that are not the default.
 fn other_rules(rules: Rules) -> String {
     if rules == Rules::default() { String::new() } else { format!(", rules {rules}") }
-}
-
-/// Refuses a file where an option names a folder.
-fn refuse_file(option: &str, out: &std::path::Path) -> CommandResult {
-    if out.exists() && !out.is_dir() {
-        return Err(format!("{option} must name a folder, but `{}` is a file", out.display()).into());
-    }
-    Ok(())
-}
-
-/// Refuses an --out for files of results that is a file, or the folder of a run, whose files they would hide
-/// among.
-fn check_out(out: &std::path::Path) -> CommandResult {
-    refuse_file("--out", out)?;
-    if smaclite_learn::DESCRIPTIONS.iter().any(|name| out.join(name).is_file()) {
-        let out = out.display();
-        return Err(
-            format!("--out must not be the folder of a run, as `{out}` is; choose another one").into()
-        );
-    }
-    Ok(())
 }
 
 /// The number of worker threads that a pool may have.

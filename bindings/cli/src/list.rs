@@ -1,6 +1,7 @@
 //! `smaclite-pool list` and `status`: which pools run on this machine, and their statistics.
 
-use super::table::Table;
+use super::output::print_json;
+use super::table::{Table, percent};
 use super::{CommandResult, completions, megabytes, runtime_dir};
 use clap::Args;
 use smaclite_ipc::{
@@ -30,7 +31,7 @@ impl List {
         let (pools, errors) = request_all(&runtime_dir()?);
         if self.json {
             for pool in &pools {
-                out!("{}", serde_json::to_string(pool)?)?;
+                print_json(pool)?;
             }
         } else if !pools.is_empty() {
             print_pools(&pools)?;
@@ -158,7 +159,7 @@ fn learner(lane: &LaneStatus) -> String {
 fn win_rate(lane: &LaneStatus) -> String {
     match lane.stats.episodes {
         0 => "-".to_owned(),
-        episodes => format!("{:.1} %", 100.0 * lane.stats.wins as f64 / episodes as f64),
+        episodes => percent(lane.stats.wins as f64 / episodes as f64),
     }
 }
 

@@ -1,5 +1,6 @@
 //! `smaclite-pool man`: the help of all commands as man pages.
 
+use super::files::write_files;
 use super::{Cli, CommandResult};
 use clap::{Args, CommandFactory};
 use std::fs;
@@ -24,26 +25,19 @@ impl Man {
         let Some(folder) = self.out else {
             return Ok(clap_mangen::Man::new(program).render(&mut crate::output::Output)?);
         };
-        write_pages(program, &folder).map_err(|error| format!("{}: {error}", folder.display()))?;
-        Ok(())
+        write_pages(program, &folder)
     }
 }
 
-/// Writes the pages into the folder when all of them exist: a full disk leaves the folder as it was.
-fn write_pages(program: clap::Command, folder: &Path) -> io::Result<()> {
-    let is_new = !folder.exists();
-    fs::create_dir_all(folder)?;
-    let written = tempfile::tempdir_in(folder).and_then(|temporary| {
-        clap_mangen::generate_to(program, &temporary)?;
-        let pages = fs::read_dir(&temporary)?.collect::<io::Result<Vec<_>>>()?;
-        for page in &pages {
-            // To the disk before any page of the folder is replaced.
-            fs::File::open(page.path())?.sync_all()?;
-        }
-        pages.iter().try_for_each(|page| fs::rename(page.path(), folder.join(page.file_name())))
-    });
-    if written.is_err() && is_new {
-        let _ = fs::remove_dir(folder); // unless it has files by now
-    }
-    written
+/// Writes the pages when all of them exist: a full disk leaves the folder as it was.
+fn write_pages(program: clap::Command, folder: &Path) -> CommandResult {
+    let made = tempfile::tempdir()?;
+    clap_mangen::generate_to(program, &made)?;
+    let read = |page: io::Result<fs::DirEntry>| {
+        let page = page?;
+        Ok((page.file_name().to_string_lossy().into_owned(), fs::read(page.path())?))
+    };
+    let pages = fs::read_dir(&made)?.map(read).collect::<io::Result<Vec<_>>>()?;
+    fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    write_files(folder, &pages)
 }

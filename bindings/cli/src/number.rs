@@ -1,5 +1,8 @@
 //! Whole numbers in the arguments: counts and seeds, also as people write large ones.
 
+use crate::THREADS;
+use clap::Args;
+use smaclite_pool::PoolOptions;
 use std::ops::RangeInclusive;
 
 /// An argument is no whole number of the range.
@@ -22,6 +25,20 @@ pub(super) fn count(range: RangeInclusive<usize>) -> impl Parser<usize> {
 /// A parser of seeds.
 pub(super) fn seed() -> impl Parser<u64> {
     whole(0..=u64::MAX)
+}
+
+/// The threads of commands whose results do not depend on them.
+#[derive(Args, Clone, Copy)]
+pub(super) struct Threads {
+    /// Number of threads, 1 to 1024; they change no result [default: the CPU cores available to this process]
+    #[arg(long, value_name = "N", value_parser = count(THREADS))]
+    threads: Option<usize>,
+}
+
+impl Threads {
+    pub(super) fn number(self) -> usize {
+        self.threads.unwrap_or(PoolOptions::default().threads)
+    }
 }
 
 /// What clap takes for a parser.

@@ -1,5 +1,7 @@
 //! Standard output, whose errors say that they are of it.
 
+use crate::CommandResult;
+use serde::Serialize;
 use std::error::Error;
 use std::io::{self, ErrorKind, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -38,6 +40,12 @@ struct OutputError(io::Error);
 
 fn named(error: io::Error) -> io::Error {
     io::Error::new(error.kind(), OutputError(error))
+}
+
+/// Prints a value as one line of JSON.
+pub(crate) fn print_json(value: &impl Serialize) -> CommandResult {
+    out!("{}", serde_json::to_string(value)?)?;
+    Ok(())
 }
 
 /// Whether this error is that the reader of standard output has closed it, as `| head` does. That of another

@@ -1,11 +1,7 @@
 //! Options of pictures, for the commands that draw.
 
 use clap::ValueEnum;
-use smaclite_units::file::write_whole;
 use smaclite_view::{Picture, Theme};
-use std::error::Error;
-use std::io::Write;
-use std::path::Path;
 use std::str::FromStr;
 
 /// Width and height of a picture in pixels.
@@ -52,14 +48,6 @@ impl From<ThemeName> for Theme {
             ThemeName::Light => Theme::Light,
         }
     }
-}
-
-/// Writes a file whole or not at all; errors name it.
-pub(crate) fn write_file<E: Error + From<std::io::Error> + 'static>(
-    path: &Path,
-    write: impl FnOnce(&mut dyn Write) -> Result<(), E>,
-) -> Result<(), Box<dyn Error>> {
-    Ok(write_whole(path, write).map_err(|error| format!("{}: {error}", path.display()))?)
 }
 
 #[cfg(test)]

@@ -130,6 +130,12 @@ pub fn interrupt_flag() -> std::io::Result<Arc<AtomicBool>> {
     Ok(flag)
 }
 
+/// [`interrupt_flag`] for work that asks now and then whether it is to end.
+pub(crate) fn interruption() -> std::io::Result<impl Fn() -> bool> {
+    let flag = interrupt_flag()?;
+    Ok(move || flag.load(Ordering::Relaxed))
+}
+
 /// As [`interrupt_flag`]; the second signal ends the program at once, with files of its pools left until the
 /// next start.
 ///

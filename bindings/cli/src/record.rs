@@ -1,9 +1,10 @@
 //! `smaclite-pool record`: battles of a scripted policy, or of a running pool, as a replay file.
 
-use super::process::{Interrupted, interrupt_flag};
+use super::process::{Interrupted, interruption};
 use super::snapshot::SavedBattle;
 use super::{CommandResult, completions, replay, runtime_dir};
 use crate::check::warn_of;
+use crate::files::check_file_of;
 use crate::number::{count, seed};
 use crate::opponent::scripts;
 use crate::usage::file_ending_in;
@@ -17,7 +18,6 @@ use smaclite_recorder::PoolRecorder;
 use smaclite_view::{Recorder, Replay, SUFFIX};
 use std::error::Error;
 use std::path::PathBuf;
-use std::sync::atomic::Ordering;
 use std::time::{Duration, Instant};
 
 #[derive(Args)]
@@ -81,7 +81,7 @@ type WhyEarly = Option<Box<dyn Error>>;
 
 impl Record {
     pub(super) fn run(self) -> CommandResult {
-        replay::check_file_of("--out", &self.out)?;
+        check_file_of("--out", &self.out)?;
         let (recorded, why_early) = match &self.pool {
             Some(pool) => self.follow(pool)?,
             None => (self.play()?, None),
@@ -154,9 +154,9 @@ impl Record {
     /// Follows environments of a running pool, and writes what they did also if the pool ends, or a signal
     /// ends the recording.
     fn follow(&self, pool: &str) -> Result<(Replay, WhyEarly), Box<dyn Error>> {
-        let interrupted = interrupt_flag()?;
+        let interrupted = interruption()?;
         let env_ids = if self.env.is_empty() { &[0][..] } else { &self.env };
-        let mut is_interrupted = || interrupted.load(Ordering::Relaxed);
+        let mut is_interrupted = || interrupted();
         let wait = WaitOptions::interrupted_by(&mut is_interrupted);
         let lane = self.lane.as_deref();
         let mut recorder = PoolRecorder::connect(&runtime_dir()?, pool, lane, env_ids, self.episodes, wait)?;
@@ -168,7 +168,7 @@ impl Record {
                 Ok(()) | Err(ClientError::Control(ControlSocketError::Interrupted { .. })) => {}
                 Err(error) => why_early = Some(error.into()),
             }
-            if interrupted.load(Ordering::Relaxed) {
+            if interrupted() {
                 // What the pool still has; one that does not answer is not waited for.
                 let end = Instant::now() + LAST_READ;
                 let _ = recorder.read(WaitOptions::interrupted_by(&mut || Instant::now() > end));

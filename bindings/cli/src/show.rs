@@ -1,7 +1,8 @@
 //! `smaclite-pool show`: a scenario as a map of characters, or as a picture; all of them as a contact sheet.
 
+use super::files::write_file;
 use super::number::{seed, whole};
-use super::picture::{Size, ThemeName, write_file};
+use super::picture::{Size, ThemeName};
 use super::snapshot::{SavedBattle, is_snapshot};
 use super::usage::file_ending_in;
 use super::{CommandResult, completions};

@@ -1,5 +1,10 @@
 //! Tables on standard output.
 
+/// A share as text.
+pub(crate) fn percent(share: f64) -> String {
+    format!("{:.1} %", 100.0 * share)
+}
+
 /// Rows of text under headings.
 pub(crate) struct Table {
     rows: Vec<Vec<String>>,

@@ -1,14 +1,12 @@
 //! `smaclite-pool verify-run`: play the recorded evaluations of a run again, and compare every number.
 
-use super::{CommandResult, THREADS};
-use crate::number::count;
-use crate::process::interrupt_flag;
+use super::CommandResult;
+use crate::number::Threads;
+use crate::process::interruption;
 use clap::{Args, ValueEnum};
 use smaclite_lab::verify;
 use smaclite_learn::{FileError, RunDescription, refuse_both, runs_in};
-use smaclite_pool::PoolOptions;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::Ordering;
 
 /// Evaluations that are played again, if not all are to be.
 const SAMPLE: usize = 3;
@@ -30,9 +28,8 @@ pub(super) struct VerifyRun {
     /// or final, for none
     #[arg(long, value_enum, default_value = "sample")]
     evaluations: Which,
-    /// Number of threads, 1 to 1024; they change no result [default: the CPU cores available to this process]
-    #[arg(long, value_name = "N", value_parser = count(THREADS))]
-    threads: Option<usize>,
+    #[command(flatten)]
+    threads: Threads,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -44,23 +41,22 @@ enum Which {
 
 impl VerifyRun {
     pub(super) fn run(self) -> CommandResult {
-        let threads = self.threads.unwrap_or(PoolOptions::default().threads);
-        let interrupted = interrupt_flag()?;
+        let interrupted = interruption()?;
         for folder in &self.folders {
             for folder in runs_of(folder)? {
-                self.verify(&folder, threads, &mut || interrupted.load(Ordering::Relaxed))?;
+                self.verify(&folder, &mut || interrupted())?;
             }
         }
         Ok(())
     }
 
-    fn verify(&self, folder: &Path, threads: usize, interrupted: &mut dyn FnMut() -> bool) -> CommandResult {
+    fn verify(&self, folder: &Path, interrupted: &mut dyn FnMut() -> bool) -> CommandResult {
         let evaluations = match self.evaluations {
             Which::Sample => SAMPLE,
             Which::All => usize::MAX,
             Which::Final => 0,
         };
-        let verified = verify(folder, evaluations, threads, interrupted)?;
+        let verified = verify(folder, evaluations, self.threads.number(), interrupted)?;
         let (of_end, missing) = match verified.is_final {
             true => (" and the final one", ""),
             false => ("", "; the run has no final episodes (final.json), which it has when it is complete"),

@@ -1,7 +1,9 @@
 //! `smaclite-pool zoo`: the trained teams that are part of the program.
 
-use super::table::Table;
-use super::{CommandResult, refuse_file};
+use super::CommandResult;
+use super::files::refuse_file;
+use super::output::print_json;
+use super::table::{Table, percent};
 use clap::Args;
 use smaclite_learn::{export_zoo_team, read_team_files, zoo_cards};
 use smaclite_playground::TeamFiles;
@@ -44,10 +46,9 @@ impl Zoo {
             Table::new(&["team", "seed", "steps", "CPU-seconds", "won, greedy", "won, sampled", "episodes"]);
         for card in zoo_cards()? {
             if self.json {
-                out!("{}", serde_json::to_string(&card)?)?;
+                print_json(&card)?;
                 continue;
             }
-            let percent = |share: f64| format!("{:.1} %", 100.0 * share);
             table.push([
                 format!("zoo:{}", card.scenario),
                 card.seed.to_string(),

@@ -1,10 +1,9 @@
 //! The files that a replay can be converted to.
 
 use super::super::CommandResult;
-use super::super::picture::write_file;
-use super::super::process::{Interrupted, interrupt_flag};
+use super::super::files::{check_file_of, check_folder_of, write_file};
+use super::super::process::{Interrupted, interruption};
 use super::super::snapshot;
-use super::{check_file_of, check_folder_of};
 use smaclite_scenarios::Scenario;
 use smaclite_units::file::os::partial_folder;
 use smaclite_units::file::partial_file;
@@ -12,7 +11,6 @@ use smaclite_view::{Moment, Options, Picture, Renderer, write_gif};
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
-use std::sync::atomic::Ordering;
 
 /// What is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -103,11 +101,11 @@ fn write_folder(folder: &Path, frames: impl ExactSizeIterator<Item = Picture>) -
     }
     // Whole or not at all: in another folder, which gets the name at the end.
     let parent = folder.parent().filter(|parent| !parent.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let interrupted = interrupt_flag()?;
+    let interrupted = interruption()?;
     let partial = partial_folder().tempdir_in(parent).map_err(failed)?;
     let digits = frames.len().to_string().len();
     for (i, frame) in frames.enumerate() {
-        if interrupted.load(Ordering::Relaxed) {
+        if interrupted() {
             return Err(Interrupted.into());
         }
         let file = partial.path().join(format!("{i:0digits$}.png"));
@@ -128,7 +126,7 @@ fn write_mp4(to: &Path, options: Options, frames: impl Iterator<Item = Picture>,
     command.args(["-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24", "-s", &size, "-r", &rate]);
     // Players need yuv420p, and that needs even sides.
     command.args(["-i", "-", "-vf", "pad=ceil(iw/2)*2:ceil(ih/2)*2", "-pix_fmt", "yuv420p", "-y"]);
-    let interrupted = interrupt_flag()?;
+    let interrupted = interruption()?;
     let partial = partial_file(to, ".mp4").map_err(|error| format!("{}: {error}", to.display()))?;
     let partial = partial.into_temp_path();
     let mut file = std::ffi::OsString::from("file:"); // a name with a colon or a dash is a name
@@ -142,11 +140,11 @@ fn write_mp4(to: &Path, options: Options, frames: impl Iterator<Item = Picture>,
     })?;
     let mut written = Ok(());
     if let Some(mut input) = child.stdin.take() {
-        let mut frames = frames.take_while(|_| !interrupted.load(Ordering::Relaxed));
+        let mut frames = frames.take_while(|_| !interrupted());
         written = frames.try_for_each(|frame| input.write_all(frame.rgb()));
     } // ffmpeg ends when its input is closed
     let status = child.wait()?;
-    if interrupted.load(Ordering::Relaxed) {
+    if interrupted() {
         return Err(Interrupted.into());
     }
     match (status.success(), written) {

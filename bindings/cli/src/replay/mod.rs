@@ -3,12 +3,12 @@
 mod export;
 
 use super::CommandResult;
-use super::picture::{Size, ThemeName, write_file};
+use super::files::write_file;
+use super::picture::{Size, ThemeName};
 use crate::number::count;
 use clap::builder::{PathBufValueParser, TypedValueParser};
 use clap::{Args, ValueHint};
 use export::{Format, Target};
-use smaclite_units::file::check_writable;
 use smaclite_view::{Episode, Options, Replay as ReplayFile, View};
 use std::path::{Path, PathBuf};
 
@@ -141,23 +141,6 @@ impl Replay {
         }
         Ok(())
     }
-}
-
-/// Refuses a path, given by an option, whose folder does not exist, before battles are played for it.
-pub(crate) fn check_folder_of(option: &str, path: &Path) -> CommandResult {
-    match path.parent().filter(|folder| !folder.as_os_str().is_empty() && !folder.is_dir()) {
-        None => Ok(()),
-        Some(folder) => {
-            let folder = folder.display();
-            Err(format!("{option} must be in a folder that exists; there is no `{folder}`").into())
-        }
-    }
-}
-
-/// Refuses a file, given by an option, that cannot be written, before battles are played for it.
-pub(crate) fn check_file_of(option: &str, path: &Path) -> CommandResult {
-    check_folder_of(option, path)?;
-    Ok(check_writable(path).map_err(|error| format!("{option} {}: {error}", path.display()))?)
 }
 
 /// Prints the episodes of a replay that was just written.

@@ -2,6 +2,7 @@
 //! pages. All values are shares, 0 to 1.
 
 use crate::svg::{LETTER, escaped};
+use crate::table::percent;
 use smaclite_lab::Estimate;
 use std::fmt::Write;
 
@@ -110,7 +111,7 @@ pub(super) fn bars(title: &str, axis: &str, bars: &[Bar], mark: Option<f64>, the
         let y = (2.0 + i as f64) * ROW + 2.0;
         svg += &text([left - 8.0, y + 4.0], "end", &bar.name);
         svg += &interval(bar, y, x, theme);
-        svg += &text([x(1.0) + 8.0, y + 4.0], "start", &format!("{:.1} %", 100.0 * bar.estimate.value));
+        svg += &text([x(1.0) + 8.0, y + 4.0], "start", &percent(bar.estimate.value));
     }
     if let Some(mark) = mark {
         svg += &rule([x(mark), 1.5 * ROW], [x(mark), below - 8.0], theme.text, " stroke-dasharray=\"4 3\"");

@@ -7,19 +7,17 @@ mod figures;
 mod files;
 mod tables;
 
-use super::{CommandResult, THREADS, check_out};
-use crate::number::{count, seed};
-use crate::picture::write_file;
-use crate::process::interrupt_flag;
+use super::CommandResult;
+use super::files::{check_out, make_out, write_files};
+use crate::number::{Threads, seed};
+use crate::process::interruption;
 use clap::Args;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use smaclite_lab::{Benchmark, EvaluatedRun, FirstWin, Report, ReportError, marl_eval_json, time_to_win};
 use smaclite_learn::Choice;
-use smaclite_pool::PoolOptions;
 use smaclite_units::Keyword;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::Ordering;
 
 #[derive(Args)]
 #[command(after_help = "\
@@ -54,9 +52,8 @@ pub(super) struct WriteReport {
     /// Seed of the bootstrap
     #[arg(long, default_value_t = 0, value_parser = seed())]
     seed: u64,
-    /// Number of threads, 1 to 1024; they change no result [default: the CPU cores available to this process]
-    #[arg(long, value_name = "N", value_parser = count(THREADS))]
-    threads: Option<usize>,
+    #[command(flatten)]
+    threads: Threads,
 }
 
 /// A parser of `greedy` and `sampled`.
@@ -92,12 +89,10 @@ impl WriteReport {
         check_out(&self.out)?;
         let folders: Vec<(String, PathBuf)> = self.runs.iter().map(|text| named(text)).collect();
         let benchmark = Benchmark::read(&folders)?;
-        std::fs::create_dir_all(&self.out)
-            .map_err(|error| format!("--out {}: {error}", self.out.display()))?;
-        let interrupted = interrupt_flag()?;
-        let threads = self.threads.unwrap_or(PoolOptions::default().threads);
-        let stop = || interrupted.load(Ordering::Relaxed);
-        let times = (!self.skip_times).then(|| play(&benchmark, threads, &stop)).transpose()?;
+        make_out(&self.out)?;
+        let interrupted = interruption()?;
+        let threads = self.threads.number();
+        let times = (!self.skip_times).then(|| play(&benchmark, threads, &interrupted)).transpose()?;
         let actions = self.actions;
         let mut notes = benchmark.notes();
         notes.extend(times.iter().flat_map(|times| not_measured(&benchmark, times)));
@@ -167,9 +162,7 @@ fn write(folder: &Path, results: &Results) -> CommandResult {
     all.extend(files::all(results).map(|(name, text)| (name.to_owned(), text)));
     all.extend(figures::all(results));
     all.extend(results.metrics.iter().map(|text| (METRICS.to_owned(), text.clone())));
-    for (name, text) in &all {
-        write_file(&folder.join(name), |output| output.write_all(text.as_bytes()))?;
-    }
+    write_files(folder, &all)?;
     let not_always = figures::file_names().chain([METRICS.to_owned()]);
     for name in not_always.filter(|name| all.iter().all(|(written, _)| written != name)) {
         let path = folder.join(name);

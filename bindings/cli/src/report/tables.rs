@@ -2,7 +2,7 @@
 
 use super::{Results, figures, key};
 use crate::CommandResult;
-use crate::table::Table;
+use crate::table::{Table, percent};
 use smaclite_lab::{
     Aggregate, AlgorithmRuns, Benchmark, CRITERION_EPISODES, CRITERION_WIN_RATE, Estimate, EvaluatedRun,
     FirstWin, Metric, Spread, TimeToWin,
@@ -77,10 +77,6 @@ fn all(results: &Results) -> Vec<(&'static str, Table)> {
         tables.push((TIMES, times));
     }
     tables
-}
-
-fn percent(share: f64) -> String {
-    format!("{:.1} %", 100.0 * share)
 }
 
 fn with_interval(estimate: Estimate, form: impl Fn(f64) -> String) -> String {

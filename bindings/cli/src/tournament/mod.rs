@@ -4,19 +4,18 @@
 mod chart;
 mod report;
 
-use super::{CommandResult, THREADS, check_out, completions};
+use super::files::{check_out, make_out, write_files};
+use super::{CommandResult, completions};
 use crate::check::warn_of;
-use crate::number::{count, seed};
-use crate::picture::write_file;
-use crate::process::interrupt_flag;
+use crate::number::{Threads, count, seed};
+use crate::output::print_json;
+use crate::process::interruption;
 use clap::Args;
 use smaclite_engine::{BattleSetup, Opponent, Rules};
 use smaclite_lab::{Tournament, TournamentResult};
 use smaclite_learn::resolve_scenario;
-use smaclite_pool::PoolOptions;
 use std::error::Error;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::Ordering;
 
 #[derive(Args)]
 #[command(after_help = "\
@@ -50,9 +49,8 @@ pub(super) struct PlayTournament {
     /// Let teams take the most probable action, instead of drawing one by its probability
     #[arg(long)]
     greedy: bool,
-    /// Number of threads, 1 to 1024; they change no result [default: the CPU cores available to this process]
-    #[arg(long, value_name = "N", value_parser = count(THREADS))]
-    threads: Option<usize>,
+    #[command(flatten)]
+    threads: Threads,
     /// Print the result as one JSON object
     #[arg(long)]
     json: bool,
@@ -70,25 +68,24 @@ impl PlayTournament {
         }
         if let Some(out) = &self.out {
             check_out(out)?;
-            std::fs::create_dir_all(out).map_err(|error| format!("--out {}: {error}", out.display()))?;
+            make_out(out)?;
         }
-        let interrupted = interrupt_flag()?;
+        let interrupted = interruption()?;
         let tournament = Tournament {
             setup: self.setup()?,
             players: self.players.iter().map(|name| without_slash(name)).collect(),
             episodes: self.episodes,
             seed: self.seed,
             greedy: self.greedy,
-            threads: self.threads.unwrap_or(PoolOptions::default().threads),
+            threads: self.threads.number(),
         };
-        let result = tournament.play(&mut || interrupted.load(Ordering::Relaxed))?;
+        let result = tournament.play(&mut || interrupted())?;
         // First: the files do not depend on who reads the output.
         if let Some(out) = &self.out {
             write(out, &result)?;
         }
         if self.json {
-            out!("{}", serde_json::to_string(&result)?)?;
-            return Ok(());
+            return print_json(&result);
         }
         report::print(&result)
     }
@@ -109,13 +106,11 @@ fn without_slash(name: &str) -> String {
 
 fn write(folder: &Path, result: &TournamentResult) -> CommandResult {
     let json = serde_json::to_string_pretty(result)? + "\n";
-    for (name, text) in [
+    let files = [
         ("matrix.csv", report::csv(result)),
         ("matrix.svg", chart::heat_map(result)),
         ("tournament.json", json),
         ("tournament.md", report::markdown(result)),
-    ] {
-        write_file(&folder.join(name), |output| output.write_all(text.as_bytes()))?;
-    }
-    Ok(())
+    ];
+    write_files(folder, &files.map(|(name, text)| (name.to_owned(), text)))
 }

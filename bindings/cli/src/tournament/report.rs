@@ -1,7 +1,7 @@
 //! The result of a tournament as text: tables for people, and CSV.
 
 use crate::csv::quoted;
-use crate::table::Table;
+use crate::table::{Table, percent};
 use crate::{CommandResult, other_rules};
 use smaclite_lab::{PlayerScore, Score, TournamentResult};
 
@@ -46,7 +46,7 @@ fn ratings(result: &TournamentResult) -> Table {
     let mut table = Table::new(&["player", "Elo", "95 % interval", "points"]);
     for PlayerScore { player, elo, elo_low, elo_high, points } in players {
         let interval = format!("{elo_low:.0} to {elo_high:.0}");
-        table.push([player.clone(), format!("{elo:.0}"), interval, format!("{:.1} %", 100.0 * points)]);
+        table.push([player.clone(), format!("{elo:.0}"), interval, percent(*points)]);
     }
     table
 }

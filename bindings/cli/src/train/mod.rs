@@ -5,7 +5,8 @@ mod display;
 mod maps;
 mod progress;
 
-use super::{CommandResult, THREADS, completions, output, refuse_file, runtime_dir};
+use super::files::refuse_file;
+use super::{CommandResult, THREADS, completions, output, runtime_dir};
 use crate::check::warn_of;
 use crate::number::{count, seed, whole};
 use crate::opponent::{OpponentOption, SelfPlayOptions, warn_of_other_rules};
