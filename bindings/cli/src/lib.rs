@@ -246,19 +246,6 @@ fn other_rules(rules: Rules) -> String {
 /// The number of worker threads that a pool may have.
 const THREADS: RangeInclusive<usize> = 1..=1024;
 
-/// An option has a number that is not accepted.
-#[derive(Debug, thiserror::Error)]
-#[error("{option} must be between {} and {}, got {value}", range.start(), range.end())]
-struct OutOfRange {
-    option: &'static str,
-    range: RangeInclusive<usize>,
-    value: usize,
-}
-
-fn check_range(option: &'static str, range: RangeInclusive<usize>, value: usize) -> Result<(), OutOfRange> {
-    if range.contains(&value) { Ok(()) } else { Err(OutOfRange { option, range, value }) }
-}
-
 /// `1234567` bytes as `1.2 MB`.
 fn megabytes(bytes: usize) -> String {
     format!("{:.1} MB", bytes as f64 / 1e6)

@@ -1,6 +1,6 @@
 //! Options of pictures, for the commands that draw.
 
-use clap::ValueEnum;
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use smaclite_view::{Picture, Theme};
 use std::str::FromStr;
 
@@ -33,21 +33,10 @@ impl FromStr for Size {
     }
 }
 
-/// The themes by the names of the command line.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
-pub(crate) enum ThemeName {
-    #[default]
-    Dark,
-    Light,
-}
-
-impl From<ThemeName> for Theme {
-    fn from(name: ThemeName) -> Theme {
-        match name {
-            ThemeName::Dark => Theme::Dark,
-            ThemeName::Light => Theme::Light,
-        }
-    }
+/// A parser of themes.
+pub(crate) fn theme() -> impl TypedValueParser<Value = Theme> {
+    let theme = |name: String| if name == "light" { Theme::Light } else { Theme::Dark };
+    PossibleValuesParser::new(["dark", "light"]).map(theme)
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use super::files::write_file;
 use super::number::{seed, whole};
-use super::picture::{Size, ThemeName};
+use super::picture::{Size, theme};
 use super::snapshot::{SavedBattle, is_snapshot};
 use super::usage::file_ending_in;
 use super::{CommandResult, completions};
@@ -10,7 +10,7 @@ use clap::Args;
 use smaclite_engine::{Arena, Battle, Rules, Units};
 use smaclite_scenarios::{Faction, Generation, Placement, Scenario, Starts, Teams};
 use smaclite_units::UnitType;
-use smaclite_view::{Cell, Observer, Options, Picture, Renderer, Sheet, SizeError, type_letters};
+use smaclite_view::{Cell, Observer, Options, Picture, Renderer, Sheet, SizeError, Theme, type_letters};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -43,8 +43,8 @@ pub(super) struct Show {
     #[arg(long, value_name = "WxH", requires = "png")]
     size: Option<Size>,
     /// Background of the picture [default: dark]
-    #[arg(long, requires = "png")]
-    theme: Option<ThemeName>,
+    #[arg(long, requires = "png", value_parser = theme())]
+    theme: Option<Theme>,
     /// Show how far each agent sees
     #[arg(long, requires = "png")]
     sight: bool,
@@ -133,7 +133,7 @@ impl Show {
             show_sight: self.sight,
             show_range: self.range,
             show_ids: self.ids,
-            theme: self.theme.unwrap_or_default().into(),
+            theme: self.theme.unwrap_or_default(),
             ..Options::default()
         };
         let start = Observer::of_units(scenario, units);
@@ -148,7 +148,7 @@ impl Show {
         let pictures = starts.map(picture);
         let pictures = pictures.collect::<Result<Vec<_>, SizeError>>()?;
         let cells = pictures.iter().map(|(picture, caption)| Cell { picture, caption }).collect::<Vec<_>>();
-        Sheet { columns: COLUMNS, theme: self.theme.unwrap_or_default().into() }.compose(&cells)
+        Sheet { columns: COLUMNS, theme: self.theme.unwrap_or_default() }.compose(&cells)
     }
 }
 

@@ -120,7 +120,7 @@ pub fn verify(
         VerifyError::Differs { folder, difference: Box::new(difference) }
     };
     let mut verification = Verification::default();
-    let (all, result) = (verifier.recorded()?, FinalResult::read(folder)?);
+    let (all, result) = (recorded(folder)?, FinalResult::read(folder)?);
     verifier.check_steps(&all, result.as_ref())?;
     verifier.check_trained_steps(&all, result.as_ref())?;
     for (row, recorded) in spread(&all, evaluations) {
@@ -172,6 +172,18 @@ fn spread<T>(all: &[T], count: usize) -> impl Iterator<Item = &T> {
     (1..=count).map(move |i| &all[i * all.len() / count - 1])
 }
 
+/// The rows of the evaluations of a run, with their episodes.
+pub(crate) fn recorded(folder: &Path) -> Result<Vec<(EvaluationRow, BothEpisodes)>, FileError> {
+    let files = EvaluationFiles::of(folder);
+    let mut episodes = files.episodes()?;
+    let with_episodes = |row: EvaluationRow| {
+        let found = episodes.iter().position(|(steps, _)| *steps == row.steps);
+        let both = found.map(|i| episodes.swap_remove(i).1).unwrap_or_default();
+        (row, both)
+    };
+    Ok(files.rows()?.into_iter().map(with_episodes).collect())
+}
+
 struct Verifier<'a> {
     folder: &'a Path,
     run: RunDescription,
@@ -183,18 +195,6 @@ impl<'a> Verifier<'a> {
         let run = RunDescription::read(folder)?;
         let evaluator = Evaluator::open(folder, &run, threads)?;
         Ok(Verifier { folder, run, evaluator })
-    }
-
-    /// The rows with their episodes.
-    fn recorded(&self) -> Result<Vec<(EvaluationRow, BothEpisodes)>, FileError> {
-        let files = EvaluationFiles::of(self.folder);
-        let mut episodes = files.episodes()?;
-        let with_episodes = |row: EvaluationRow| {
-            let found = episodes.iter().position(|(steps, _)| *steps == row.steps);
-            let both = found.map(|i| episodes.swap_remove(i).1).unwrap_or_default();
-            (row, both)
-        };
-        Ok(files.rows()?.into_iter().map(with_episodes).collect())
     }
 
     /// No evaluation was left out, as far as the run has come, and it has come to the end that it was to.

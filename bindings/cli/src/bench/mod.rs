@@ -6,9 +6,10 @@ pub(crate) mod this_program;
 pub mod throughput;
 
 use crate::number::count;
+use crate::output::print_json;
 use crate::process::interrupt_flag;
 use crate::table::Table;
-use crate::{CommandResult, THREADS, check_range, completions, megabytes};
+use crate::{CommandResult, THREADS, completions, megabytes};
 use clap::Args;
 use policy::Policy;
 use smaclite_engine::Rules;
@@ -75,7 +76,7 @@ impl Bench {
         for workload in &workloads {
             let result = workload.measure(&serve_command, &interrupted)?;
             if self.json {
-                out!("{}", serde_json::to_string(&result)?)?;
+                print_json(&result)?;
             } else {
                 err!("{}: {:.0} steps/s", result.scenario, result.steps_per_s); // progress
                 table.push(cells(&result));
@@ -106,7 +107,9 @@ impl Bench {
         let threads = self.threads.unwrap_or(default.threads);
         let num_envs = self.num_envs;
         let batch_size = self.batch_size.unwrap_or(num_envs);
-        check_range("--batch-size", 1..=num_envs, batch_size)?;
+        if batch_size > num_envs {
+            return Err(format!("--batch-size must be between 1 and {num_envs}, got {batch_size}").into());
+        }
         let time = Duration::try_from_secs_f64(self.seconds).map_err(|error| {
             format!("--seconds must be a number of at least 0, got {} ({error})", self.seconds)
         })?;

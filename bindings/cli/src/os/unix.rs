@@ -2,10 +2,8 @@
 
 use rustix::process::{Pid, Resource, Rlimit, Signal, getrlimit, kill_process, setrlimit};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
-use std::fs::OpenOptions;
 use std::io::Result;
 use std::os::fd::AsFd;
-use std::os::unix::fs::OpenOptionsExt;
 use std::os::unix::process::CommandExt;
 use std::process::{Child, Command, ExitStatus};
 use std::sync::Arc;
@@ -67,13 +65,6 @@ pub(crate) fn hand_over(command: &mut Command) -> Result<ExitStatus> {
 /// Asks a process to end.
 pub(crate) fn end(child: &mut Child) {
     let _ = kill_process(Pid::from_child(child), Signal::TERM);
-}
-
-/// To write a file that no other user can read.
-pub(crate) fn private_file() -> OpenOptions {
-    let mut options = OpenOptions::new();
-    options.write(true).mode(0o600);
-    options
 }
 
 /// Another descriptor of a connection.

@@ -1,7 +1,6 @@
 //! Windows.
 
 use signal_hook::consts::{SIGINT, SIGTERM};
-use std::fs::OpenOptions;
 use std::io::Result;
 use std::os::windows::io::AsSocket;
 use std::process::{Child, Command, ExitStatus};
@@ -28,13 +27,6 @@ pub(crate) fn hand_over(command: &mut Command) -> Result<ExitStatus> {
 /// Ends a process.
 pub(crate) fn end(child: &mut Child) {
     let _ = child.kill();
-}
-
-/// To write a file in a folder of this user.
-pub(crate) fn private_file() -> OpenOptions {
-    let mut options = OpenOptions::new();
-    options.write(true);
-    options
 }
 
 /// Another handle of a connection.

@@ -4,12 +4,12 @@ mod export;
 
 use super::CommandResult;
 use super::files::write_file;
-use super::picture::{Size, ThemeName};
+use super::picture::{Size, theme};
 use crate::number::count;
 use clap::builder::{PathBufValueParser, TypedValueParser};
 use clap::{Args, ValueHint};
 use export::{Format, Target};
-use smaclite_view::{Episode, Options, Replay as ReplayFile, View};
+use smaclite_view::{Episode, Options, Replay as ReplayFile, Theme, View};
 use std::path::{Path, PathBuf};
 
 #[derive(Args)]
@@ -41,8 +41,8 @@ pub(super) struct Replay {
     #[arg(long, value_name = "F", requires = "to")]
     fps: Option<f64>,
     /// Background of pictures [default: dark]
-    #[arg(long, requires = "to")]
-    theme: Option<ThemeName>,
+    #[arg(long, requires = "to", value_parser = theme())]
+    theme: Option<Theme>,
 }
 
 /// Ticks per second of a battle.
@@ -114,7 +114,7 @@ impl Replay {
         if let Some(size) = self.size {
             (options.width, options.height) = (size.width, size.height);
         }
-        options.theme = self.theme.unwrap_or_default().into();
+        options.theme = self.theme.unwrap_or_default();
         let fps = self.fps.unwrap_or(TICKS_PER_SECOND);
         export::write(to, &scenario, options, &moments, fps)
     }

@@ -16,7 +16,6 @@ pub(crate) use page::{Closed, Page};
 
 use crate::CommandResult;
 use crate::number::whole;
-use crate::os;
 use crate::process::{LOOK_INTERVAL, interrupt_flag};
 use axum::Router;
 use axum::extract::ws::WebSocketUpgrade;
@@ -32,14 +31,13 @@ use editor::{Editor, Start};
 use guard::Guard;
 use pages::{EDITOR_PATH, PLAYGROUND_PATH};
 use playground::Playground;
-use std::fs::File;
 use std::io::{Error, ErrorKind, Write};
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
-use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
+use tempfile::TempPath;
 use tokio::runtime;
 use tokio::sync::{Semaphore, watch};
 use tokio::time::timeout;
@@ -213,23 +211,14 @@ fn random_token() -> std::io::Result<String> {
     Ok(bytes.iter().map(|byte| format!("{byte:02x}")).collect())
 }
 
-/// A file that leads a browser to the page; removed when dropped. Other users can read the arguments of a
-/// process, but not this file, so the token is in the file.
-struct Redirect(PathBuf);
-
-impl Drop for Redirect {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_file(&self.0);
-    }
-}
-
-fn open_in_browser(url: &str) -> Option<Redirect> {
+/// Returns the file that leads the browser to the page, which is removed when it is dropped.
+fn open_in_browser(url: &str) -> Option<TempPath> {
     let opened = write_redirect(url).and_then(|redirect| {
         // Programs that open the default browser, such as xdg-open; the first one that starts.
         let start = |mut command: Command| {
             command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null()).spawn()
         };
-        let mut started = open::commands(&redirect.0).into_iter().map(start);
+        let mut started = open::commands(&redirect).into_iter().map(start);
         let missing = || Err(Error::new(ErrorKind::NotFound, "no program that opens a browser is installed"));
         let mut browser = started.find(Result::is_ok).unwrap_or_else(missing)?;
         let wait = move || browser.wait(); // so that it does not stay as a zombie
@@ -239,11 +228,10 @@ fn open_in_browser(url: &str) -> Option<Redirect> {
     opened.inspect_err(|error| err!("smaclite-pool: --open: {error}; open the URL")).ok()
 }
 
-fn write_redirect(url: &str) -> std::io::Result<Redirect> {
-    let path = std::env::temp_dir().join(format!("smaclite-pool-{}.html", random_token()?));
-    let mut file: File = os::private_file().create_new(true).open(&path)?;
-    let redirect = Redirect(path);
+/// Other users can read the arguments of a process, but not this file, so the token is in the file.
+fn write_redirect(url: &str) -> std::io::Result<TempPath> {
+    let mut file = tempfile::Builder::new().prefix("smaclite-pool-").suffix(".html").tempfile()?;
     let page = "<!doctype html><title>smaclite-pool</title><meta http-equiv=\"refresh\" content=\"0;url=";
     write!(file, "{page}{url}\">")?;
-    Ok(redirect)
+    Ok(file.into_temp_path())
 }

@@ -1,17 +1,15 @@
 //! `doctor`, on this machine and where something is wrong.
 
-use crate::kit::run;
-use crate::page_kit::Place;
+use crate::kit::{Place, run};
 use crate::skip::skip;
 use serde_json::Value;
-use std::fs;
 use std::process::{Command, Output};
 
 /// Runs the program by a shell command, in which it is `"$@"`.
 fn in_shell(place: &Place, script: &str, arguments: &str) -> Output {
     let mut command = Command::new("sh");
     command.args(["-c", script, "sh", env!("CARGO_BIN_EXE_smaclite-pool")]).args(arguments.split(' '));
-    command.env(smaclite_ipc::ROOT_VARIABLE, place.root()).output().expect("a shell")
+    command.env(smaclite_ipc::ROOT_VARIABLE, place.join("pools")).output().expect("a shell")
 }
 
 fn printed(done: &Output) -> String {
@@ -29,8 +27,8 @@ fn error(done: &Output, name: &str) -> Option<String> {
 
 #[test]
 fn a_machine_on_which_pools_work_passes() {
-    let place = Place::new();
-    let done = place.output("doctor");
+    let place = &Place::new();
+    let done = run(place, "doctor");
     let text = printed(&done);
     assert!(done.status.success(), "{text}");
     for line in [
@@ -44,18 +42,18 @@ fn a_machine_on_which_pools_work_passes() {
     ] {
         assert!(text.contains(&format!("\n{line}")), "{line}\n{text}");
     }
-    let done = place.output("doctor --json");
+    let done = run(place, "doctor --json");
     let report: Value = serde_json::from_slice(&done.stdout).expect("JSON");
     let version = report["facts"]["smaclite-pool"].as_str().expect("text");
     assert!(version.starts_with(env!("CARGO_PKG_VERSION")), "{version}");
-    assert_eq!(report["environment"]["SMACLITE_POOL_ROOT"], place.root().to_str().expect("text"));
+    assert_eq!(report["environment"]["SMACLITE_POOL_ROOT"], place.join("pools").to_str().expect("text"));
 }
 
 #[test]
 fn a_runtime_folder_that_cannot_be_used_fails() {
-    let folder = tempfile::tempdir().expect("a folder");
-    fs::write(folder.path().join("pools"), "a file").expect("a file");
-    let done = run(folder.path(), "doctor");
+    let folder = &Place::new();
+    folder.write("pools", "a file");
+    let done = run(folder, "doctor");
     assert_eq!(done.status.code(), Some(1));
     assert!(printed(&done).contains("\nFAILED  runtime folder: "), "{}", printed(&done));
     assert!(printed(&done).contains(smaclite_ipc::ROOT_VARIABLE), "{}", printed(&done));
@@ -65,14 +63,14 @@ fn a_runtime_folder_that_cannot_be_used_fails() {
 
 #[test]
 fn what_killed_pools_left_is_counted() {
-    let place = Place::new();
+    let place = &Place::new();
     let left_over =
-        || printed(&place.output("doctor")).lines().find(|line| line.starts_with("left")).map(str::to_owned);
+        || printed(&run(place, "doctor")).lines().find(|line| line.starts_with("left")).map(str::to_owned);
     let mut pool = place.serve("3m:2 --name train");
-    pool.child.kill().and_then(|()| pool.child.wait()).expect("it ran");
+    pool.kill();
     let found = left_over().expect("a line");
     assert!(found.contains(" of killed pools or learners; `smaclite-pool clean` removes them"), "{found}");
-    assert!(place.output("clean").status.success());
+    assert!(run(place, "clean").status.success());
     assert_eq!(left_over().as_deref(), Some("left-over files  none"));
 }
 
@@ -81,14 +79,14 @@ fn too_little_or_unusable_shared_memory_is_what_the_pools_say() {
     if !Command::new("unshare").args(["-m", "true"]).status().is_ok_and(|status| status.success()) {
         return skip("no mount namespace is permitted here");
     }
-    let place = Place::new();
+    let place = &Place::new();
     for (options, expected) in
         [("size=64M", None), ("size=64k", Some("bytes free, but")), ("ro", Some("read-only"))]
     {
         let script = format!(
             "exec unshare -m sh -c 'mount -t tmpfs -o {options} tmpfs /dev/shm && exec \"$@\"' sh \"$@\""
         );
-        let done = in_shell(&place, &script, "doctor --json");
+        let done = in_shell(place, &script, "doctor --json");
         assert_eq!(done.status.code(), Some(i32::from(expected.is_some())), "{options}: {}", printed(&done));
         for check in ["pool in this process", "pool in another process"] {
             let found = error(&done, check);

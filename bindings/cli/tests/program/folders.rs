@@ -1,6 +1,6 @@
 //! Folders of runs where something else is to be, and those that are less than a run.
 
-use crate::kit::{check_error, error, output, program};
+use crate::kit::{Place, error, output, program};
 use std::ffi::OsStr;
 use std::fs;
 use std::os::unix::ffi::OsStrExt;
@@ -12,23 +12,22 @@ const SMALL: &str = "--num-envs 8 --horizon 16 --hidden 8,8 --steps 128 --thread
 /// overlooked from then on.
 #[test]
 fn a_run_and_seeds_are_not_begun_in_one_folder() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
+    let folder = &Place::new();
     let evaluated = format!("{SMALL} --evaluate-every 128");
     output(folder, &format!("train 3m --seeds 2 --out seeds {evaluated}"));
     output(folder, &format!("train 3m --seed 9 --out one {evaluated}"));
     let seeds = "`seeds/seed-0` already holds a run; continue the runs in `seeds` with --resume";
-    check_error(folder, &format!("train 3m --seed 9 --out seeds {SMALL}"), 1, seeds);
+    folder.fails(&format!("train 3m --seed 9 --out seeds {SMALL}"), 1, seeds);
     let one = "`one` already holds a run; resume it with --resume, or choose another folder";
-    check_error(folder, &format!("train 3m --seeds 2 --out one {SMALL}"), 1, one);
-    check_error(folder, "zoo --export 3m seeds", 1, "`seeds/seed-0` already holds a run");
-    check_error(folder, "zoo --export 3m one/run.json", 1, "--export must name a folder, but `one/run.json`");
+    folder.fails(&format!("train 3m --seeds 2 --out one {SMALL}"), 1, one);
+    folder.fails("zoo --export 3m seeds", 1, "`seeds/seed-0` already holds a run");
+    folder.fails("zoo --export 3m one/run.json", 1, "--export must name a folder, but `one/run.json`");
     let evaluate = "it has no run.json, but runs in it; name one, such as `seeds/seed-0`";
-    check_error(folder, "evaluate seeds", 1, evaluate);
-    check_error(folder, "adapt zoo:all-maps 3m --out seeds", 1, "`seeds/seed-0` already holds a run");
+    folder.fails("evaluate seeds", 1, evaluate);
+    folder.fails("adapt zoo:all-maps 3m --out seeds", 1, "`seeds/seed-0` already holds a run");
     let exploit = |out: &str| format!("exploit one --steps 100 --seeds 1 --seed 5 --episodes 2 --out {out}");
-    check_error(folder, &exploit("seeds"), 1, "`seeds/seed-0` already holds a run, and `exploit` continues");
-    check_error(folder, &exploit("one"), 1, "`one` already holds a run, and `exploit` continues none");
+    folder.fails(&exploit("seeds"), 1, "`seeds/seed-0` already holds a run, and `exploit` continues");
+    folder.fails(&exploit("one"), 1, "`one` already holds a run, and `exploit` continues none");
     assert!(!folder.join("seeds/run.json").exists() && !folder.join("one/seed-5").exists());
     // What is called otherwise is no seed, as the report of a run.
     output(folder, "report one --skip-times --out one/report");
@@ -46,15 +45,14 @@ fn a_run_and_seeds_are_not_begun_in_one_folder() {
         "train --resume seeds",
         "train --resume seeds --seeds 3",
     ] {
-        check_error(folder, command, 1, both);
+        folder.fails(command, 1, both);
     }
 }
 
 /// "cannot read `adapted/checkpoint.safetensors`: No such file or directory" sounded like damage.
 #[test]
 fn a_team_that_was_written_without_a_training_is_not_resumed() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
+    let folder = &Place::new();
     output(folder, "adapt zoo:all-maps 3m --out adapted");
     output(folder, "zoo --export 3m exported");
     for team in ["adapted", "exported"] {
@@ -62,21 +60,20 @@ fn a_team_that_was_written_without_a_training_is_not_resumed() {
             "`{team}` has no checkpoint.safetensors: folders of `adapt` and `zoo --export` have none, and no \
              training continues from them"
         );
-        check_error(folder, &format!("train --resume {team} --threads 1"), 1, &expected);
+        folder.fails(&format!("train --resume {team} --threads 1"), 1, &expected);
     }
 }
 
 /// The files of a report were written among those of a run.
 #[test]
 fn results_are_not_written_into_the_folder_of_a_run() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
+    let folder = &Place::new();
     output(folder, &format!("train 3m --out run {SMALL} --evaluate-every 128"));
     let names = || fs::read_dir(folder.join("run")).expect("a folder").count();
     let before = names();
     let expected = "--out must not be the folder of a run, as `run` is; choose another one";
-    check_error(folder, "report run --out run", 1, expected);
-    check_error(folder, "tournament hold random --scenario 3m --episodes 2 --out run", 1, expected);
+    folder.fails("report run --out run", 1, expected);
+    folder.fails("tournament hold random --scenario 3m --episodes 2 --out run", 1, expected);
     assert_eq!(names(), before);
     output(folder, "report run --skip-times --out report");
     output(folder, "report run --skip-times --out report"); // those of an earlier one are replaced
@@ -85,8 +82,7 @@ fn results_are_not_written_into_the_folder_of_a_run() {
 /// `exploit` named a file of a temporary folder, with a good name; others named no argument at all.
 #[test]
 fn a_name_that_is_no_text_is_the_one_that_the_error_names() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
+    let folder = &Place::new();
     let bad = OsStr::from_bytes(b"bad\xff");
     output(folder, &format!("train 3m --out run {SMALL}"));
     fs::create_dir(folder.join(bad)).expect("a folder");

@@ -1,110 +1,37 @@
-//! Pools, the program that serves their page, and requests as a browser sends them.
+//! The page of a pool, and requests as a browser sends them.
 
-use crate::kit::program;
+use crate::kit::{PATIENCE, Place, Program};
 use serde_json::{Value, json};
-use smaclite_ipc::RuntimeDir;
-use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
+use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
-use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
-use std::time::{Duration, Instant};
-use tempfile::TempDir;
+use std::time::Instant;
 use tungstenite::client::IntoClientRequest;
 use tungstenite::{Message, WebSocket};
-
-/// Longer than anything takes on a busy machine.
-pub const PATIENCE: Duration = Duration::from_secs(30);
 
 /// The version of the messages, as the scripts of the pages say it.
 pub const VERSION: u32 = 7;
 
-/// A runtime directory, and the programs that run in it. Dropping it removes what killed pools left behind.
-pub struct Place {
-    folder: TempDir,
+/// A pool `train` whose page is served.
+pub struct Watched {
+    pub url: Url,
+    pub watch: Program,
+    pub pool: Program,
+    pub place: Place,
 }
 
-impl Drop for Place {
-    fn drop(&mut self) {
-        let _ = self.command("clean").output();
-    }
-}
-
-/// A program that is interrupted when dropped, and killed if it does not end.
-pub struct Program {
-    pub child: Child,
-    pub output: BufReader<std::process::ChildStdout>,
-}
-
-impl Place {
-    pub fn new() -> Place {
-        Place { folder: tempfile::Builder::new().prefix("sp").tempdir_in("/tmp").expect("a folder") }
-    }
-
-    pub fn root(&self) -> &Path {
-        self.folder.path()
-    }
-
-    pub fn runtime_dir(&self) -> RuntimeDir {
-        RuntimeDir::at(self.root().to_owned()).expect("a private folder")
-    }
-
-    pub fn command(&self, arguments: &str) -> Command {
-        let mut command = program(self.root(), arguments);
-        command.env(smaclite_ipc::ROOT_VARIABLE, self.root());
-        command
-    }
-
-    pub fn output(&self, arguments: &str) -> Output {
-        self.command(arguments).output().expect("the program starts")
-    }
-
-    pub fn start(&self, arguments: &str) -> Program {
-        let mut child = self.command(arguments).stdout(Stdio::piped()).spawn().expect("the program starts");
-        let output = BufReader::new(child.stdout.take().expect("a pipe"));
-        Program { child, output }
-    }
-
-    pub fn serve(&self, arguments: &str) -> Program {
-        let mut pool = self.start(&format!("serve {arguments}"));
-        while !pool.line().starts_with("connect with") {}
-        pool
-    }
-
-    pub fn watch(&self, arguments: &str) -> (Program, Url) {
-        let mut program = self.start(format!("watch {arguments}").trim_end());
-        let url = Url::new(program.line().trim_end());
-        (program, url)
+impl Watched {
+    pub fn new(lane: &str) -> Watched {
+        let place = Place::new();
+        let pool = place.serve(&format!("{lane} --name train"));
+        let (watch, url) = watch(&place, "train");
+        Watched { url, watch, pool, place }
     }
 }
 
-impl Program {
-    pub fn line(&mut self) -> String {
-        let mut line = String::new();
-        assert!(self.output.read_line(&mut line).expect("text") > 0, "the program ended");
-        line
-    }
-
-    /// Ends it as Ctrl-C does; returns its exit status.
-    pub fn interrupt(&mut self) -> Option<i32> {
-        let pid = rustix::process::Pid::from_child(&self.child);
-        rustix::process::kill_process(pid, rustix::process::Signal::INT).expect("it runs");
-        self.child.wait().expect("it ends").code()
-    }
-}
-
-impl Drop for Program {
-    fn drop(&mut self) {
-        let begin = Instant::now();
-        if matches!(self.child.try_wait(), Ok(None)) {
-            let pid = rustix::process::Pid::from_child(&self.child);
-            let _ = rustix::process::kill_process(pid, rustix::process::Signal::INT);
-        }
-        while matches!(self.child.try_wait(), Ok(None)) && begin.elapsed() < PATIENCE {
-            std::thread::sleep(Duration::from_millis(5));
-        }
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
+pub fn watch(place: &Place, arguments: &str) -> (Program, Url) {
+    let mut program = place.start(format!("watch {arguments}").trim_end());
+    let url = Url::new(program.line().trim_end());
+    (program, url)
 }
 
 /// The printed URL in parts.
@@ -151,6 +78,14 @@ impl Url {
     pub fn open(&self) -> OpenPage {
         let mut page = self.connect();
         page.request("hello", json!({"version": VERSION}));
+        page
+    }
+
+    /// A page that shows the two environments of the lane `3m`.
+    pub fn open_lane(&self) -> OpenPage {
+        let mut page = self.open();
+        page.show("3m", 0, 2);
+        page.event("lane", |_| true);
         page
     }
 

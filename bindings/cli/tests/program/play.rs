@@ -1,7 +1,7 @@
 //! `smaclite-pool play`: what cannot be played, and a step over the WebSocket.
 
-use crate::kit::check_error;
-use crate::page_kit::{PATIENCE, Place, Program, Url};
+use crate::kit::{PATIENCE, Place, Program, program};
+use crate::page_kit::Url;
 use serde_json::{Value, json};
 use std::fs::{self, Permissions};
 use std::io::{BufReader, Read};
@@ -11,8 +11,8 @@ use std::time::{Duration, Instant};
 
 #[test]
 fn what_cannot_be_played_is_an_error() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let check = |arguments: &str, status, expected| check_error(folder.path(), arguments, status, expected);
+    let folder = &Place::new();
+    let check = |arguments: &str, status, expected| folder.fails(arguments, status, expected);
     check("play nowhere", 1, "nowhere");
     check("play 3m --against nobody", 2, "unknown opponent `nobody`; the opponents are attack_move");
     check("play 3m --against nobody", 2, "and there is no folder of that name");
@@ -20,12 +20,11 @@ fn what_cannot_be_played_is_an_error() {
     check("play 3m --against hold=0", 2, "the weight of opponent `hold` must be a number above 0");
     check("play 3m --against runs/3m", 1, "runs/3m");
     check("play 5m_vs_6m --against zoo:3m", 1, "only of scenarios whose two sides have equal sizes");
-    check("play 3m --seed -1", 2, "must be a whole number between 0 and");
 }
 
 #[test]
 fn a_step_is_played_by_the_orders_of_the_page() {
-    let place = Place::new();
+    let place = &Place::new();
     let mut play = place.start("play 3m --against random=0.5,hold=0.5 --seed 4");
     let url = Url::new(play.line().trim_end());
     let (_, document) = url.page();
@@ -58,8 +57,8 @@ fn a_step_is_played_by_the_orders_of_the_page() {
 /// Other users can read the arguments of a browser: the token of the page must not be among them.
 #[test]
 fn a_browser_gets_a_file_that_leads_to_the_page() {
-    let place = Place::new();
-    let (browser, opened) = (place.root().join("xdg-open"), place.root().join("opened"));
+    let place = &Place::new();
+    let (browser, opened) = (place.join("xdg-open"), place.join("opened"));
     fs::write(&browser, "#!/bin/sh\n/bin/cp \"$1\" part && /bin/mv part opened\n").expect("a script");
     fs::set_permissions(&browser, Permissions::from_mode(0o755)).expect("permissions");
     let mut play = place.start("play 3m --open");
@@ -74,8 +73,8 @@ fn a_browser_gets_a_file_that_leads_to_the_page() {
 
 #[test]
 fn without_a_browser_the_url_can_be_opened() {
-    let place = Place::new();
-    let mut started = place.command("play 3m --open");
+    let place = &Place::new();
+    let mut started = program(place, "play 3m --open");
     let mut child =
         started.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the program starts");
     let mut messages = child.stderr.take().expect("a pipe");

@@ -1,27 +1,14 @@
 //! What ends a training from outside, and files of runs that are not those that it wrote: signals, pipes,
 //! parts of files, damaged values, and names of teams.
 
-use crate::kit::{catches_interruptions, check_error, error, output, program, run};
-use crate::page_kit::Program;
+use crate::kit::{Place, error, output, program, run, send_signal, wait_until, wait_until_caught};
 use rustix::process::Signal;
 use serde_json::{Value, json};
 use signal_hook::consts::SIGHUP;
 use std::fs;
-use std::io::BufReader;
-use std::path::Path;
 use std::process::Stdio;
 use std::sync::Arc;
 use std::time::Duration;
-
-/// A pool of this name that runs. It ends with the test, also if that fails.
-fn serve(folder: &Path, name: &str, arguments: &str) -> Program {
-    let mut serve = program(folder, &format!("serve {arguments} --name {name} --threads 1"));
-    let mut child = serve.stdout(Stdio::piped()).spawn().expect("the program starts");
-    let output = BufReader::new(child.stdout.take().expect("a pipe"));
-    let mut pool = Program { child, output };
-    while !pool.line().starts_with("connect with") {}
-    pool
-}
 
 const SMALL: &str = "--num-envs 8 --horizon 16 --hidden 16,16";
 
@@ -29,8 +16,7 @@ const SMALL: &str = "--num-envs 8 --horizon 16 --hidden 16,16";
 /// evaluated half a team, and batch systems did not put the job into the queue again.
 #[test]
 fn an_interrupted_command_has_the_exit_status_of_its_signal() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
+    let folder = &Place::new();
     output(folder, &format!("train 3m --steps 1e2 --seeds 2 --out runs {SMALL}"));
     let endless = [
         format!("train 3m --steps 100000000 --out run {SMALL}"),
@@ -44,12 +30,9 @@ fn an_interrupted_command_has_the_exit_status_of_its_signal() {
     for (command, signal) in endless.iter().zip([Signal::INT, Signal::TERM].into_iter().cycle()) {
         let mut started = program(folder, &format!("{command} --threads 1"));
         let child = started.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("the program starts");
-        while !catches_interruptions(child.id()) {
-            std::thread::sleep(Duration::from_millis(5));
-        }
+        wait_until_caught(&child);
         std::thread::sleep(Duration::from_millis(300)); // into its work
-        let pid = rustix::process::Pid::from_child(&child);
-        rustix::process::kill_process(pid, signal).expect("a signal");
+        send_signal(&child, signal);
         let done = child.wait_with_output().expect("an end");
         assert_eq!(done.status.code(), Some(128 + signal.as_raw()), "{command}: {done:?}");
     }
@@ -63,15 +46,14 @@ fn an_interrupted_command_has_the_exit_status_of_its_signal() {
 /// To open a pipe is to wait for who reads or writes at its other end: `train --resume` waited without end.
 #[test]
 fn files_of_a_run_that_are_pipes_are_refused() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
+    let folder = &Place::new();
     output(folder, &format!("train 3m --steps 600 --evaluate-every 300 --out run {SMALL}"));
     for name in ["run.json", "weights.safetensors", "checkpoint.safetensors", "log.csv", "evaluations.csv"] {
         let (path, kept) = (folder.join("run").join(name), folder.join("kept"));
         fs::rename(&path, &kept).expect("a file of a run");
         let (fifo, mode) = (rustix::fs::FileType::Fifo, rustix::fs::Mode::RWXU);
         rustix::fs::mknodat(rustix::fs::CWD, &path, fifo, mode, 0).expect("a pipe");
-        check_error(folder, "train --resume run --steps 900", 1, "is not a regular file");
+        folder.fails("train --resume run --steps 900", 1, "is not a regular file");
         fs::rename(&kept, &path).expect("a file of a run");
     }
     output(folder, "train --resume run --steps 900");
@@ -80,8 +62,7 @@ fn files_of_a_run_that_are_pipes_are_refused() {
 /// SIGKILL while a copy for the league was written left `league/.tmpXXXXXX`, which no later start removed.
 #[test]
 fn files_that_a_killed_process_did_not_complete_are_removed() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
+    let folder = &Place::new();
     let league = "--opponent league --league-every 1";
     output(folder, &format!("train 3m --steps 600 --out run {league} {SMALL}"));
     let left = ["run/.tmpAbC123", "run/league/.tmpAbC123"].map(|name| folder.join(name));
@@ -94,15 +75,14 @@ fn files_that_a_killed_process_did_not_complete_are_removed() {
 /// `run.json` is edited by hand, too. The message had all 309 digits of 1e308, or the 3000 characters.
 #[test]
 fn values_of_a_damaged_run_are_cut() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
+    let folder = &Place::new();
     output(folder, &format!("train 3m --steps 1e2 --out run {SMALL}"));
-    let text = fs::read_to_string(folder.join("run/run.json")).expect("the run");
+    let text = folder.read("run/run.json");
     let long = format!("\"{}\"", "x".repeat(3000));
     for (key, value) in [("gamma", "1e308"), ("epochs", "1e308"), ("epochs", &long), ("algorithm", &long)] {
         let mut run: serde_json::Value = serde_json::from_str(&text).expect("JSON");
         run["config"][key] = serde_json::from_str(value).expect("JSON");
-        fs::write(folder.join("run/run.json"), run.to_string()).expect("a file");
+        folder.write("run/run.json", run.to_string());
         let message = error(folder, "train --resume run", 1);
         assert!(message.contains("run.json") && message.len() < 400, "{key}: {message}");
     }
@@ -111,30 +91,23 @@ fn values_of_a_damaged_run_are_cut() {
 /// They said what the system says of the folder `zoo:3m`, or of `3m`, and not what was meant.
 #[test]
 fn teams_of_the_zoo_that_are_named_otherwise_are_hints() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
+    let folder = &Place::new();
     for command in ["evaluate 3m", "exploit 3m", "train --resume 3m"] {
-        check_error(
-            folder,
-            command,
-            1,
-            "`3m` is not the folder of a run of `smaclite-pool train`: it has no",
-        );
-        check_error(folder, command, 1, "the team of the zoo is `zoo:3m`");
+        folder.fails(command, 1, "`3m` is not the folder of a run of `smaclite-pool train`: it has no");
+        folder.fails(command, 1, "the team of the zoo is `zoo:3m`");
     }
-    check_error(folder, "play zoo:3m", 1, "smaclite-pool play 3m --against zoo:3m");
-    check_error(folder, "train --resume zoo:3m", 1, "a team of the zoo, which has no checkpoint");
-    check_error(folder, "report zoo:3m --out report", 1, "a team of the zoo, which has no evaluations");
-    check_error(folder, "dataset record kite --scenario 3m --out k.smdata", 2, "--episodes <N>");
-    check_error(folder, "train 3m --league-every 5 --out run", 1, "--league-size need --opponent league");
+    folder.fails("play zoo:3m", 1, "smaclite-pool play 3m --against zoo:3m");
+    folder.fails("train --resume zoo:3m", 1, "a team of the zoo, which has no checkpoint");
+    folder.fails("report zoo:3m --out report", 1, "a team of the zoo, which has no evaluations");
+    folder.fails("dataset record kite --scenario 3m --out k.smdata", 2, "--episodes <N>");
+    folder.fails("train 3m --league-every 5 --out run", 1, "--league-size need --opponent league");
 }
 
 /// The enemies' sizes lacked the phases of attacks that those of the agents have, so a tournament called
 /// equal sides unequal, and `exploit` said so after its whole training.
 #[test]
 fn a_team_of_starcraft_rules_plays_tournaments_and_is_exploited() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
+    let folder = &Place::new();
     output(folder, &format!("train 3m --rules starcraft --steps 1e2 --out run {SMALL}"));
     let printed = output(folder, "tournament run kite --episodes 4 --threads 1");
     assert!(printed.starts_with("3m, rules starcraft-1: 2 players, 4 pairings of 4 episodes"), "{printed}");
@@ -147,8 +120,7 @@ fn a_team_of_starcraft_rules_plays_tournaments_and_is_exploited() {
 /// The weights of the maps were written to a run of one map, which nothing could read.
 #[test]
 fn a_team_of_weighted_maps_is_adapted_to_one_and_exploited() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
+    let folder = &Place::new();
     output(folder, "train --maps 3m=2,8m --steps 1e2 --out team --num-envs 9 --horizon 16 --hidden 8,8");
     output(folder, "adapt team 8m --out on-8m");
     output(folder, "evaluate on-8m --episodes 2");
@@ -158,9 +130,8 @@ fn a_team_of_weighted_maps_is_adapted_to_one_and_exploited() {
 /// Evaluations and tournaments played battles without an end, and did not hear Ctrl-C meanwhile.
 #[test]
 fn battles_of_a_pool_without_a_limit_end_where_they_are_evaluated() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
-    let mut pool = serve(folder, "endless", "3m:8 --episode-limit none");
+    let folder = &Place::new();
+    let mut pool = folder.serve("3m:8 --episode-limit none --name endless --threads 1");
     let printed =
         program(folder, "train --pool endless --steps 1e2 --evaluate-every 100 --horizon 16 --out run")
             .output()
@@ -168,8 +139,7 @@ fn battles_of_a_pool_without_a_limit_end_where_they_are_evaluated() {
     assert!(printed.status.success(), "{printed:?}");
     let warning = String::from_utf8_lossy(&printed.stderr);
     assert!(warning.contains("does not serve the field `snapshot`"), "{warning}");
-    pool.child.kill().expect("a pool that runs");
-    pool.child.wait().expect("an end");
+    pool.kill();
     output(folder, "tournament run hold --episodes 2 --threads 1");
     output(folder, "evaluate run --episodes 2 --greedy");
 }
@@ -178,8 +148,7 @@ fn battles_of_a_pool_without_a_limit_end_where_they_are_evaluated() {
 /// anew.
 #[test]
 fn damaged_best_weights_are_written_anew() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
+    let folder = &Place::new();
     output(folder, &format!("train 3m --steps 600 --evaluate-every 300 --out run {SMALL}"));
     let best = folder.join("run/best.safetensors");
     let played = output(folder, "evaluate run --episodes 8 --json");
@@ -193,7 +162,7 @@ fn damaged_best_weights_are_written_anew() {
     for command in ["evaluate run", "tournament run hold", "dataset record run --episodes 2 --out a.smdata"] {
         let expected =
             "`run` has no best.safetensors: it was evaluated, so they were lost; `train --resume` writes";
-        check_error(folder, command, 1, expected);
+        folder.fails(command, 1, expected);
     }
     output(folder, "evaluate run --weights last --episodes 8");
 }
@@ -201,47 +170,40 @@ fn damaged_best_weights_are_written_anew() {
 /// Every interrupted call left a hidden file or folder beside what it was to write.
 #[test]
 fn an_interrupted_conversion_leaves_nothing() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
+    let folder = &Place::new();
     output(folder, "record 25m --policy hold --episodes 1 --out a.smreplay");
     for (to, catches) in [("pictures", true), ("a.gif", false)] {
         let mut convert = program(folder, &format!("replay a.smreplay --to {to} --size 2000x2000"));
         let child = convert.stderr(Stdio::piped()).spawn().expect("the program starts");
-        while catches && !catches_interruptions(child.id()) {
-            std::thread::sleep(Duration::from_millis(5));
+        if catches {
+            wait_until_caught(&child);
         }
         std::thread::sleep(Duration::from_millis(300));
-        let pid = rustix::process::Pid::from_child(&child);
-        rustix::process::kill_process(pid, Signal::TERM).expect("a signal");
+        send_signal(&child, Signal::TERM);
         let done = child.wait_with_output().expect("an end");
         assert!(!done.status.success(), "{to}: {done:?}");
-        let left = fs::read_dir(folder).expect("a folder").count();
-        assert_eq!(left, 1, "{to}: only the replay");
+        assert_eq!(folder.names_in(""), ["a.smreplay"], "{to}");
     }
 }
 
 /// With the status 0 and half of what was asked for, or without the file, when a pipe was closed.
 #[test]
 fn a_recording_that_is_not_complete_says_so_and_one_that_is_asked_for_is_written() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
+    let folder = &Place::new();
     let mut closed = program(folder, "evaluate zoo:3m --json --episodes 500 --record a.smreplay --threads 1");
     let mut child = closed.stdout(Stdio::piped()).spawn().expect("the program starts");
     drop(child.stdout.take());
     child.wait().expect("an end");
     output(folder, "replay a.smreplay --to a.html");
 
-    let mut pool = serve(folder, "brief", "3m:4");
+    let mut pool = folder.serve("3m:4 --name brief --threads 1");
     let mut learner = program(folder, "train --pool brief --steps 1e8 --horizon 16 --out run");
     let mut learner = learner.stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("a learner");
     let mut record = program(folder, "record --pool brief --episodes 10000 --out b.smreplay");
     let record = record.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("a recorder");
-    while !catches_interruptions(record.id()) {
-        std::thread::sleep(Duration::from_millis(5));
-    }
+    wait_until_caught(&record);
     std::thread::sleep(Duration::from_millis(1000)); // some episodes
-    pool.child.kill().expect("a pool that runs");
-    pool.child.wait().expect("an end");
+    pool.kill();
     let done = record.wait_with_output().expect("an end");
     assert_eq!(done.status.code(), Some(1), "{done:?}");
     assert!(
@@ -256,9 +218,9 @@ fn a_recording_that_is_not_complete_says_so_and_one_that_is_asked_for_is_written
 /// A log in a file had colours, as escape sequences.
 #[test]
 fn a_log_that_no_terminal_shows_has_no_colours() {
-    let folder = tempfile::tempdir().expect("a folder");
+    let folder = &Place::new();
     let train = format!("--log info train 3m --steps 1e2 --out run {SMALL}");
-    let done = program(folder.path(), &train).output().expect("the program starts");
+    let done = program(folder, &train).output().expect("the program starts");
     let log = String::from_utf8_lossy(&done.stderr);
     assert!(done.status.success() && log.contains("INFO") && !log.contains('\u{1b}'), "{log}");
 }
@@ -266,8 +228,7 @@ fn a_log_that_no_terminal_shows_has_no_colours() {
 /// `exploit --out`, which needs no temporary folder, made one and failed where it could not.
 #[test]
 fn best_responses_that_are_kept_need_no_temporary_folder() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
+    let folder = &Place::new();
     output(folder, &format!("train 3m --steps 1e2 --out run {SMALL}"));
     let exploit = "exploit run --steps 100 --seeds 1 --episodes 2 --out kept --threads 1";
     let done =
@@ -280,8 +241,7 @@ fn best_responses_that_are_kept_need_no_temporary_folder() {
 /// the same command excludes.
 #[test]
 fn options_without_effect_are_refused() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
+    let folder = &Place::new();
     output(folder, &format!("train 3m --steps 1e2 --out run {SMALL}"));
     output(folder, "record 3m --out a.smreplay");
     output(folder, "replay a.smreplay --to a.snapshot --step 3");
@@ -289,30 +249,21 @@ fn options_without_effect_are_refused() {
         ("record 2s3z --lane foo --out b.smreplay", 2, "cannot be used with '--lane <NAME>'"),
         ("record --from a.snapshot --env 1 --out b.smreplay", 2, "cannot be used with"),
         ("dataset record run --rules paper --episodes 1 --out a.smdata", 1, "--rules has no effect on a run"),
-        (
-            "bench 3m --mode engine --threads 4",
-            1,
-            "--threads has no effect in the mode `engine`, which has no",
-        ),
+        ("bench 3m --mode engine --threads 4", 1, "--threads has no effect in the mode `engine`, which"),
         ("bench 3m --mode in-turn --batch-size 8", 1, "--batch-size has no effect in the mode `in-turn`"),
         ("bench 3m --mode engine --wait spin", 1, "--wait has no effect in the mode `engine`"),
         ("show 2s3z --seed 3", 1, "--seed is for generated scenarios; `2s3z` is none"),
-        (
-            "show a.snapshot --samples 2",
-            1,
-            "--samples is for generated scenarios; `a.snapshot` is a snapshot",
-        ),
+        ("show a.snapshot --samples 2", 1, "is for generated scenarios; `a.snapshot` is a snapshot"),
         ("replay a.smreplay --to a.gif --fps 51", 1, "--fps must be between 0.01 and 50 for a GIF, got 51"),
     ] {
-        check_error(folder, command, status, expected);
+        folder.fails(command, status, expected);
     }
 }
 
 /// Battles were played, for hours, for a file that could not be written.
 #[test]
 fn a_file_without_a_folder_is_refused_before_the_battles() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
+    let folder = &Place::new();
     output(folder, "record 3m --out a.smreplay");
     for (command, option) in [
         ("evaluate zoo:3m --episodes 1000000 --record none/a.smreplay", "--record"),
@@ -322,7 +273,7 @@ fn a_file_without_a_folder_is_refused_before_the_battles() {
         ("dataset expand a.smdata --out none/arrays", "--out"),
     ] {
         let expected = format!("{option} must be in a folder that exists; there is no `none`");
-        check_error(folder, command, 1, &expected);
+        folder.fails(command, 1, &expected);
     }
     for (command, option, file) in [
         ("evaluate zoo:3m --episodes 1000000 --record", "--record", "taken.smreplay"),
@@ -330,25 +281,24 @@ fn a_file_without_a_folder_is_refused_before_the_battles() {
         ("dataset record nearest --scenario 3m --episodes 1000000 --out", "--out", "taken.smdata"),
     ] {
         fs::create_dir_all(folder.join(file)).expect("a folder");
-        check_error(folder, &format!("{command} {file}"), 1, &format!("{option} {file}: is a directory"));
+        folder.fails(&format!("{command} {file}"), 1, &format!("{option} {file}: is a directory"));
     }
 }
 
 /// The enemies of drawn maps attack the nearest agent, and actions were recorded against others.
 #[test]
 fn a_benchmark_plays_the_scenarios_own_opponent() {
-    let folder = tempfile::tempdir().expect("a folder");
+    let folder = &Place::new();
     for options in ["", " --mode attached --rules starcraft", " --mode in-turn"] {
         let bench = format!("bench protoss_5_vs_5 --policy nearest --num-envs 12 --seconds 0.01{options}");
-        output(folder.path(), &bench);
+        output(folder, &bench);
     }
 }
 
 /// On drawn maps, an evaluation, `adapt` and `play` had attack_move, against which no team was trained there.
 #[test]
 fn a_team_meets_the_enemies_of_its_map() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
+    let folder = &Place::new();
     let of = |map: &str, options: &str| {
         let evaluate = format!("evaluate zoo:all-maps --map {map} --episodes 1 --json{options}");
         let printed = output(folder, &evaluate);
@@ -360,8 +310,7 @@ fn a_team_meets_the_enemies_of_its_map() {
     assert_eq!(of("protoss_20_vs_23", ""), json!({"attack_nearest": 1.0}), "it never saw the map");
     assert_eq!(of("protoss_5_vs_5", " --opponent kite"), json!({"kite": 1.0}));
     output(folder, "adapt zoo:all-maps protoss_5_vs_5 --out adapted");
-    let run: Value =
-        serde_json::from_slice(&fs::read(folder.join("adapted/run.json")).expect("a file")).expect("JSON");
+    let run: Value = serde_json::from_slice(&folder.bytes("adapted/run.json")).expect("JSON");
     assert_eq!(run["opponents"], json!({"attack_nearest": 1.0}));
     // A team of one map plays it, whether or not it is named.
     let own = "evaluate zoo:3m --episodes 8 --seed 2";
@@ -371,8 +320,7 @@ fn a_team_meets_the_enemies_of_its_map() {
 /// A team of other rules played the enemies without a warning.
 #[test]
 fn a_team_of_other_rules_is_warned_of() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
+    let folder = &Place::new();
     output(folder, &format!("train 3m --steps 1e2 --rules starcraft --out run {SMALL}"));
     let done = run(folder, "evaluate zoo:3m --opponent run --episodes 2");
     let expected = "the team `run` was trained with rules starcraft-1, and the battles have rules smaclite";
@@ -383,18 +331,17 @@ fn a_team_of_other_rules_is_warned_of() {
 
 #[test]
 fn a_weight_of_a_map_names_the_map() {
-    let folder = tempfile::tempdir().expect("a folder");
+    let folder = &Place::new();
     let expected = "--maps: the weight of `3m` must be a number above 0, got 0";
-    check_error(folder.path(), "train --maps 3m=0,MMM --out run", 1, expected);
+    folder.fails("train --maps 3m=0,MMM --out run", 1, expected);
 }
 
 /// The warning said that environments begin anew, and an error then refused the snapshots of the checkpoint.
 #[test]
 fn a_run_with_snapshots_is_resumed_on_a_pool_without_them() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
+    let folder = &Place::new();
     output(folder, &format!("train 3m --steps 256 --last-actions 0 --out own {SMALL}"));
-    let _pool = serve(folder, "bare", "3m:8");
+    let _pool = folder.serve("3m:8 --name bare --threads 1");
     let resume = "train --resume own --steps 512 --pool bare --threads 1";
     let done = run(folder, resume);
     let message = String::from_utf8_lossy(&done.stderr).into_owned();
@@ -412,8 +359,7 @@ fn a_run_with_snapshots_is_resumed_on_a_pool_without_them() {
 /// Where the last units of both teams die in one step, tournaments counted a draw, and all else a victory.
 #[test]
 fn teams_that_destroy_each_other_do_not_win() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
+    let folder = &Place::new();
     let units = json!({"BANELING": 1});
     let group = |x: u32, faction: &str| json!({"x": x, "y": 16, "faction": faction, "units": units});
     let scenario = json!({
@@ -421,9 +367,9 @@ fn teams_that_destroy_each_other_do_not_win() {
         "groups": [group(14, "ALLY"), group(18, "ENEMY")], "terrain_preset": "SIMPLE", "num_unit_types": 0,
         "ally_has_shields": false, "enemy_has_shields": false, "episode_limit": 40,
     });
-    fs::write(folder.join("banelings.json"), scenario.to_string()).expect("a file");
+    folder.write("banelings.json", scenario.to_string());
     output(folder, &format!("train banelings.json --opponent self --steps 2e3 --out run {SMALL}"));
-    let log = fs::read_to_string(folder.join("run/log.csv")).expect("a log");
+    let log = folder.read("run/log.csv");
     let column = log.lines().next().expect("names").split(',').position(|name| name == "win_rate_self");
     let rates = log.lines().skip(1).filter_map(|row| row.split(',').nth(column.expect("a column")));
     assert!(rates.filter(|rate| !rate.is_empty()).all(|rate| rate == "0"), "{log}");
@@ -437,11 +383,9 @@ fn teams_that_destroy_each_other_do_not_win() {
 fn a_closed_terminal_ends_a_pool_cleanly() {
     // Programs inherit that a signal is ignored, as under nohup, and not that it is handled.
     signal_hook::flag::register(SIGHUP, Arc::default()).expect("a handler");
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
-    let mut pool = serve(folder, "closed", "3m:2");
-    let pid = rustix::process::Pid::from_child(&pool.child);
-    rustix::process::kill_process(pid, Signal::HUP).expect("a signal");
+    let folder = &Place::new();
+    let mut pool = folder.serve("3m:2 --name closed --threads 1");
+    send_signal(&pool.child, Signal::HUP);
     assert_eq!(pool.child.wait().expect("an end").code(), Some(0));
     assert!(!output(folder, "list").contains("closed"));
 }
@@ -449,18 +393,13 @@ fn a_closed_terminal_ends_a_pool_cleanly() {
 /// The pool of a benchmark never ended when the benchmark was killed.
 #[test]
 fn the_pool_of_a_killed_benchmark_ends() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
+    let folder = &Place::new();
     let mut bench = program(folder, "bench 3m --mode attached --seconds 1000 --threads 1");
     let mut bench = bench.stdout(Stdio::null()).spawn().expect("the program starts");
     let has_pool = || output(folder, "list").contains("bench-");
-    while !has_pool() {
-        std::thread::sleep(Duration::from_millis(20));
-    }
+    wait_until(has_pool);
     bench.kill().expect("a signal");
     bench.wait().expect("an end");
-    while has_pool() {
-        std::thread::sleep(Duration::from_millis(20));
-    }
+    wait_until(|| !has_pool());
     output(folder, "clean"); // what the killed program itself left behind
 }

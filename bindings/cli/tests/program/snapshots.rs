@@ -1,6 +1,6 @@
 //! Files of snapshots: shown, and recorded from.
 
-use crate::kit::{check_error, output};
+use crate::kit::{Place, output};
 use smaclite_engine::{
     Arena, Battle, Column, EnemySide, Opponent, RecordLayout, RecordSizes, Rules, Scratch, Sides, policy,
 };
@@ -31,11 +31,10 @@ fn standard(name: &str) -> Scenario {
 
 #[test]
 fn the_units_of_a_snapshot_are_shown() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
+    let folder = &Place::new();
     let scenario = standard("2s3z");
     let (battle, record) = battle(&scenario, Rules::Paper, 25, 3);
-    fs::write(folder.join("a.snapshot"), &record).expect("a file");
+    folder.write("a.snapshot", &record);
     let printed = output(folder, "show a.snapshot");
     let (steps, episode_return) = (battle.episode_length(), battle.episode_return());
     let head = format!("2s3z: rules paper, opponent attack_move\nstep {steps}, return {episode_return:.2}\n");
@@ -57,46 +56,34 @@ fn the_units_of_a_snapshot_are_shown() {
 
 #[test]
 fn the_snapshot_of_a_scenario_file_names_it() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
+    let folder = &Place::new();
     output(folder, "new scenario mine.json --agents 2xSTALKER");
     let scenario = Scenario::load(&folder.join("mine.json")).expect("a scenario");
-    fs::write(folder.join("a.snapshot"), battle(&scenario, Rules::default(), 2, 0).1).expect("a file");
-    check_error(
-        folder,
-        "show a.snapshot",
-        1,
-        "`a.snapshot` is of no standard scenario: column 'scenario' is 0x",
-    );
+    folder.write("a.snapshot", battle(&scenario, Rules::default(), 2, 0).1);
+    folder.fails("show a.snapshot", 1, "`a.snapshot` is of no standard scenario: column 'scenario' is 0x");
     assert!(
         output(folder, "show a.snapshot --scenario mine.json")
             .starts_with("mine: rules smaclite, opponent attack_move\nstep 2,")
     );
     let other = "`a.snapshot`: the snapshot is of another scenario, or of the same with other keys";
-    check_error(folder, "show a.snapshot --scenario 3m", 1, other);
-    check_error(folder, "show mine.json --scenario 3m", 1, "--scenario is for snapshots");
+    folder.fails("show a.snapshot --scenario 3m", 1, other);
+    folder.fails("show mine.json --scenario 3m", 1, "--scenario is for snapshots");
     output(folder, "record mine.json --from a.snapshot --out a.smreplay");
     // Of both sides: the error was that of the first standard scenario which has agents alone.
     let arena = Arena::new(&scenario, Rules::default()).with_sides(Sides::MIRRORED);
-    fs::write(folder.join("b.snapshot"), Battle::new(Arc::new(arena), 7).record()).expect("a file");
-    check_error(
-        folder,
-        "show b.snapshot",
-        1,
-        "`b.snapshot` is of no standard scenario: column 'scenario' is 0x",
-    );
+    folder.write("b.snapshot", Battle::new(Arc::new(arena), 7).record());
+    folder.fails("show b.snapshot", 1, "`b.snapshot` is of no standard scenario: column 'scenario' is 0x");
     output(folder, "show b.snapshot --scenario mine.json");
 }
 
 #[test]
 fn damaged_snapshots_are_errors_that_name_file_and_column() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
+    let folder = &Place::new();
     let good = battle(&standard("3m"), Rules::default(), 3, 0).1;
     let check = |bytes: &[u8], expected: &str| {
-        fs::write(folder.join("a.snapshot"), bytes).expect("a file");
+        folder.write("a.snapshot", bytes);
         for command in ["show a.snapshot", "record --from a.snapshot --out a.smreplay"] {
-            check_error(folder, command, 1, expected);
+            folder.fails(command, 1, expected);
         }
     };
     check(b"", "`a.snapshot`: these bytes are no snapshot");
@@ -110,14 +97,9 @@ fn damaged_snapshots_are_errors_that_name_file_and_column() {
     layout.column_mut(&mut edited, Column::Hp)[8..16].copy_from_slice(&46.0_f64.to_le_bytes());
     layout.seal(&mut edited);
     check(&edited, "`a.snapshot`: snapshot column 'hp' must be between 0 and 45 for unit 1, got 46");
-    check_error(
-        folder,
-        "show absent.snapshot",
-        1,
-        "cannot read `absent.snapshot`: No such file or directory\n",
-    );
+    folder.fails("show absent.snapshot", 1, "cannot read `absent.snapshot`: No such file or directory\n");
     fs::create_dir(folder.join("b.snapshot")).expect("a folder");
-    check_error(folder, "show b.snapshot", 1, "`b.snapshot` is not a regular file");
+    folder.fails("show b.snapshot", 1, "`b.snapshot` is not a regular file");
 }
 
 fn recorded(folder: &Path, options: &str) -> Replay {
@@ -130,11 +112,10 @@ fn recorded(folder: &Path, options: &str) -> Replay {
 /// A battle that is recorded from a snapshot is the one that went on.
 #[test]
 fn episodes_begin_in_a_snapshot() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
+    let folder = &Place::new();
     let scenario = standard("2s3z");
     let (mut battle, record) = battle(&scenario, Rules::Paper, 20, 0);
-    fs::write(folder.join("a.snapshot"), &record).expect("a file");
+    folder.write("a.snapshot", &record);
     let mut actions = vec![0; scenario.n_agents()];
     let mut scratch = Scratch::new();
     while !battle.is_over() {
@@ -158,19 +139,18 @@ fn episodes_begin_in_a_snapshot() {
     let mut over = over;
     layout.column_mut(&mut over, Column::EpisodeLength).copy_from_slice(&120_u32.to_le_bytes());
     layout.seal(&mut over);
-    fs::write(folder.join("a.snapshot"), &over).expect("a file");
+    folder.write("a.snapshot", &over);
     let message = "`a.snapshot`: the battle is over; nothing can be recorded";
-    check_error(folder, "record --from a.snapshot --out a.smreplay", 1, message);
+    folder.fails("record --from a.snapshot --out a.smreplay", 1, message);
     assert!(output(folder, "show a.snapshot").contains("step 120, return 0.00, the battle is over\n"));
-    check_error(folder, "record --from a.snapshot --rules paper --out a.smreplay", 2, "cannot be used with");
+    folder.fails("record --from a.snapshot --rules paper --out a.smreplay", 2, "cannot be used with");
 }
 
 /// Snapshots of battles of two learners, as `watch` and `replay` write them, could be neither shown nor
 /// recorded from: "in the snapshot a learner plays the enemies, which needs sides `both`".
 #[test]
 fn a_battle_of_two_learners_is_shown_and_goes_on_against_a_script() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
+    let folder = &Place::new();
     let scenario = standard("corridor");
     let arena = Arena::new(&scenario, Rules::Paper).with_sides(Sides::Both(EnemySide::default()));
     let mut battle = Battle::new(Arc::new(arena), 3);
@@ -179,7 +159,7 @@ fn a_battle_of_two_learners_is_shown_and_goes_on_against_a_script() {
     let layout = RecordLayout::new(RecordSizes::new(&battle.arena().sizes(), 0));
     let mut record = vec![0; layout.size()];
     battle.write_record(&layout, &[], &mut record);
-    fs::write(folder.join("a.snapshot"), record).expect("a file");
+    folder.write("a.snapshot", record);
     let shown = output(folder, "show a.snapshot");
     assert!(shown.starts_with("corridor: rules paper, opponent learner\nstep 1,"), "{shown}");
     // In the file of corridor the enemies are first.
@@ -188,7 +168,7 @@ fn a_battle_of_two_learners_is_shown_and_goes_on_against_a_script() {
     assert_eq!(recorded(folder, "--policy nearest").episodes()[0].opponent, Opponent::AttackMove);
     assert_eq!(recorded(folder, "--opponent kite").episodes()[0].opponent.name(), "kite");
     let several = "record --from a.snapshot --opponent kite=1,random=1 --out b.smreplay";
-    check_error(folder, several, 1, "--opponent must be one opponent beside --from");
+    folder.fails(several, 1, "--opponent must be one opponent beside --from");
     // Without actions of their own, its enemies would stand still.
     let to = "--out b.smreplay";
     let recorders = [
@@ -197,6 +177,6 @@ fn a_battle_of_two_learners_is_shown_and_goes_on_against_a_script() {
         "dataset record hold --scenario 3m --out b.smdata".to_owned(),
     ];
     for record in recorders {
-        check_error(folder, &format!("{record} --opponent learner"), 2, "`learner` needs sides `both`");
+        folder.fails(&format!("{record} --opponent learner"), 2, "`learner` is for pools whose actions play");
     }
 }

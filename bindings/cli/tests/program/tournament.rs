@@ -1,6 +1,6 @@
 //! Tournaments by the program: tables, files, errors.
 
-use crate::kit::{check_error, output, program};
+use crate::kit::{Place, json, output, parsed, program};
 use serde_json::Value;
 use std::fs;
 use std::process::Stdio;
@@ -9,21 +9,18 @@ const SCRIPTS: &str = "tournament attack_move nearest focus_fire --scenario 3m -
 
 #[test]
 fn scripts_and_teams_play_a_tournament() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
+    let folder = &Place::new();
     output(folder, "train 3m --steps 256 --num-envs 8 --horizon 16 --hidden 16,16 --out runs/3m");
     let printed = output(folder, "tournament runs/3m/ attack_move kite --episodes 40 --out all --threads 1");
     assert!(printed.starts_with("3m: 3 players, 8 pairings of 40 episodes, seed 0\n\nplayer "), "{printed}");
     let again = output(folder, "tournament runs/3m attack_move kite --episodes 40 --out again --threads 3");
     assert_eq!(printed, again);
     for name in ["matrix.csv", "matrix.svg", "tournament.json", "tournament.md"] {
-        let read = |out: &str| fs::read_to_string(folder.join(out).join(name)).expect("a file");
+        let read = |out: &str| folder.read(&format!("{out}/{name}"));
         assert_eq!(read("all"), read("again"), "{name}");
     }
-    let printed = output(folder, "tournament runs/3m attack_move kite --episodes 40 --json");
-    let file = fs::read_to_string(folder.join("all/tournament.json")).expect("a file");
-    let [printed, written]: [Value; 2] =
-        [printed, file].map(|text| serde_json::from_str(&text).expect("an object"));
+    let printed = json(folder, "tournament runs/3m attack_move kite --episodes 40 --json");
+    let written = parsed(&folder.read("all/tournament.json"));
     assert_eq!(printed, written);
     assert_eq!(written["players"][0]["player"], "runs/3m");
 }
@@ -31,10 +28,9 @@ fn scripts_and_teams_play_a_tournament() {
 /// Every battle is in the rows of both players, with one's wins as the other's losses.
 #[test]
 fn the_files_agree() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
+    let folder = &Place::new();
     let printed = output(folder, &format!("{SCRIPTS} --out t"));
-    let read = |name: &str| fs::read_to_string(folder.join("t").join(name)).expect("a file");
+    let read = |name: &str| folder.read(&format!("t/{name}"));
     let csv = read("matrix.csv");
     let rows: Vec<Vec<&str>> = csv.lines().map(|line| line.split(',').collect()).collect();
     let head = "player,opponent,side,episodes,wins,draws,losses,return,opponent_return,length";
@@ -56,15 +52,10 @@ fn the_files_agree() {
 /// They were written after the output, whose reader decided whether there were any.
 #[test]
 fn an_output_that_is_closed_or_full_loses_no_files() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
-    let files = |name: &str| {
-        let entries = fs::read_dir(folder.join(name)).expect("a folder");
-        let files = entries.map(|entry| entry.expect("an entry").path()).map(|path| {
-            let name = path.file_name().expect("a name").to_owned();
-            (name, fs::read(path).expect("a file"))
-        });
-        files.collect::<std::collections::BTreeMap<_, _>>()
+    let folder = &Place::new();
+    let files = |out: &str| -> Vec<(String, Vec<u8>)> {
+        let with_bytes = |name: String| (name.clone(), folder.bytes(&format!("{out}/{name}")));
+        folder.names_in(out).into_iter().map(with_bytes).collect()
     };
     output(
         folder,
@@ -87,8 +78,7 @@ fn an_output_that_is_closed_or_full_loses_no_files() {
 
 #[test]
 fn a_team_is_exploited() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
+    let folder = &Place::new();
     output(folder, "train 3m --steps 256 --num-envs 8 --horizon 16 --hidden 16,16 --out runs/3m");
     let exploit = "exploit runs/3m --steps 1000 --seeds 2 --seed 4 --episodes 20";
     let printed = output(folder, &format!("{exploit} --out responses"));
@@ -99,8 +89,7 @@ fn a_team_is_exploited() {
         folder.join("responses/seed-4/run.json").exists()
             && folder.join("responses/seed-5/run.json").exists()
     );
-    let result: Value =
-        serde_json::from_str(&output(folder, &format!("{exploit} --json"))).expect("an object");
+    let result: Value = json(folder, &format!("{exploit} --json"));
     let points =
         result["responses"].as_array().expect("an array").iter().filter_map(|r| r["points"].as_f64());
     let most = points.fold(0.0, f64::max);
@@ -110,46 +99,33 @@ fn a_team_is_exploited() {
         "{printed}"
     );
     let taken = "`responses/seed-4` already holds a run, and `exploit` continues none; choose another folder";
-    check_error(folder, &format!("{exploit} --out responses"), 1, taken); // it named --resume
-    check_error(folder, "exploit nowhere", 1, "`nowhere` is not the folder of a run");
+    folder.fails(&format!("{exploit} --out responses"), 1, taken); // it named --resume
+    folder.fails("exploit nowhere", 1, "`nowhere` is not the folder of a run");
     // The response was trained against the team, and then played against the script of that name.
     std::fs::rename(folder.join("runs/3m"), folder.join("hold")).expect("a run");
     let by_name = output(folder, "exploit hold --steps 1000 --seeds 2 --seed 4 --episodes 20");
     let table = |printed: &str| printed.split_once("\n\n").expect("a table").1.replace("runs/3m", "./hold");
     assert_eq!(table(&by_name), table(&printed));
     output(folder, "train 5m_vs_6m --steps 256 --num-envs 8 --horizon 16 --hidden 16,16 --out runs/5m");
-    check_error(folder, "exploit runs/5m", 1, "5m");
+    folder.fails("exploit runs/5m", 1, "5m");
     // It named a lane of its own.
     output(folder, "train zerg_5_vs_5 --steps 256 --num-envs 8 --horizon 16 --hidden 16,16 --out runs/zerg");
-    check_error(folder, "exploit runs/zerg", 1, "a trained team plays the enemies, too: ");
+    folder.fails("exploit runs/zerg", 1, "a trained team plays the enemies, too: ");
 }
 
 #[test]
 fn errors_say_what_is_accepted() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
-    check_error(folder, "tournament", 2, "<PLAYER>");
-    check_error(
-        folder,
-        "tournament kite hold",
-        1,
-        "no player is a trained team, so the scenario must be named",
-    );
-    check_error(folder, "tournament kite hold --rules paper", 2, "--scenario <MAP>");
-    check_error(folder, "tournament kite hold --scenario 3n", 1, "did you mean `3m`");
+    let folder = &Place::new();
+    folder.fails("tournament", 2, "<PLAYER>");
+    folder.fails("tournament kite hold --rules paper", 2, "--scenario <MAP>");
+    folder.fails("tournament kite hold --scenario 3n", 1, "did you mean `3m`");
     let greedy = "tournament kite hold --scenario 3m --greedy --out none";
-    check_error(folder, greedy, 1, "--greedy has no effect on scripts; leave it out");
+    folder.fails(greedy, 1, "--greedy has no effect on scripts; leave it out");
     assert!(!folder.join("none").exists(), "a command that fails leaves no folder");
-    check_error(
-        folder,
-        "tournament kite hld --scenario 3m",
-        1,
-        "player `hld` is neither a script (attack_move,",
-    );
-    check_error(folder, "tournament kite hold --scenario 3m --episodes 0", 2, "number between 1 and 1000000");
-    fs::write(folder.join("file"), "").expect("a file");
+    folder.fails("tournament kite hold --scenario 3m --episodes 0", 2, "number between 1 and 1000000");
+    folder.write("file", "");
     for command in ["tournament kite hold --scenario 3m", "report none", "exploit none --steps 9"] {
         let command = format!("{command} --out file");
-        check_error(folder, &command, 1, "--out must name a folder, but `file` is a file");
+        folder.fails(&command, 1, "--out must name a folder, but `file` is a file");
     }
 }

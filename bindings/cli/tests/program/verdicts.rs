@@ -1,6 +1,6 @@
 //! Commands whose exit status says what they found.
 
-use crate::kit::{output, program};
+use crate::kit::{Place, output, program};
 use smaclite_view::Replay;
 use std::fs;
 use std::path::Path;
@@ -20,10 +20,9 @@ fn write_damaged_replay(folder: &Path) {
 /// in a script found nothing wrong.
 #[test]
 fn what_is_wrong_is_found_where_the_output_is_closed() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
+    let folder = &Place::new();
     output(folder, "new scenario good.json");
-    fs::write(folder.join("bad.json"), "{}").expect("a file");
+    folder.write("bad.json", "{}");
     write_damaged_replay(folder);
     let small = "--num-envs 8 --horizon 16 --hidden 8,8 --steps 256 --evaluate-every 256";
     output(folder, &format!("train 3m {small} --seeds 2 --out runs"));
@@ -59,7 +58,7 @@ fn what_is_wrong_is_found_where_the_output_is_closed() {
         check(command, expected);
     }
     fs::remove_dir_all(folder.join("pools")).expect("the folder of pools");
-    fs::write(folder.join("pools"), "a file").expect("a file");
+    folder.write("pools", "a file");
     check("doctor", 1);
     // A list that its reader has cut off is no failure.
     assert_eq!(status("scenarios", true), (Some(0), String::new()));

@@ -1,7 +1,8 @@
 //! The page of a running pool, as a browser's requests see it: who gets it, what it is sent, and that nothing
 //! that a page sends harms the program or the pool.
 
-use crate::page_kit::{PATIENCE, Place, Program, Url, VERSION};
+use crate::kit::{PATIENCE, Place, Program, program, run};
+use crate::page_kit::{Url, VERSION, Watched, watch};
 use serde_json::{Value, json};
 use smaclite_ipc::{Client, Spectator, WaitOptions, status};
 use std::io::{BufRead, BufReader, Write};
@@ -12,35 +13,27 @@ use tungstenite::Message;
 
 #[test]
 fn what_cannot_be_watched_is_an_error() {
-    let place = Place::new();
-    let check = |arguments: &str, expected: &str| {
-        let done = place.output(arguments);
-        let error = String::from_utf8_lossy(&done.stderr).into_owned();
-        assert_eq!(done.status.code(), Some(1), "{arguments}: {error}");
-        assert!(error.contains(expected), "{arguments}: expected `{expected}`, got `{error}`");
-    };
-    check("watch", "no pool is running; start one with `smaclite-pool serve`");
-    check("status", "no pool is running; start one with `smaclite-pool serve`");
-    check("watch train", "no pool named `train` runs here; start one with `smaclite-pool serve");
+    let place = &Place::new();
+    place.fails("watch", 1, "no pool is running; start one with `smaclite-pool serve`");
+    place.fails("status", 1, "no pool is running; start one with `smaclite-pool serve`");
+    place.fails("watch train", 1, "no pool named `train` runs here; start one with `smaclite-pool serve");
     let _one = place.serve("3m:2 2s3z:2 --name one");
-    check("watch two", "no pool named `two` runs here; running: one");
-    check("watch --lane 4m", "there is no lane `4m`; the pool has `3m`, `2s3z`");
+    place.fails("watch two", 1, "no pool named `two` runs here; running: one");
+    place.fails("watch --lane 4m", 1, "there is no lane `4m`; the pool has `3m`, `2s3z`");
     // It asked for a pool `default`, though there was only this one.
-    let status = place.output("status");
+    let status = run(place, "status");
     assert!(status.stdout.starts_with(b"pool `one`: process "), "{status:?}");
     let _two = place.serve("3m:2 --name two");
-    check("status", "several pools run; name one of them: one, two");
-    check("watch", "several pools run; name one of them: one, two");
-    let (_watch, url) = place.watch("two");
+    place.fails("status", 1, "several pools run; name one of them: one, two");
+    place.fails("watch", 1, "several pools run; name one of them: one, two");
+    let (_watch, url) = watch(place, "two");
     let port = url.host.split_once(':').expect("a port").1;
-    check(&format!("watch two --port {port}"), &format!("cannot listen on 127.0.0.1:{port}: Address"));
+    place.fails(&format!("watch two --port {port}"), 1, &format!("listen on 127.0.0.1:{port}: Address"));
 }
 
 #[test]
 fn the_page_is_for_those_who_know_the_token() {
-    let place = Place::new();
-    let _pool = place.serve("3m:2 --name train");
-    let (_watch, url) = place.watch("train");
+    let Watched { url, .. } = &Watched::new("3m:2");
     assert!(url.host.starts_with("127.0.0.1:"), "{}", url.host);
     let other_address = url.host.replace("127.0.0.1", "127.0.0.2");
     assert!(TcpStream::connect(other_address).is_err(), "it listens on one address");
@@ -91,9 +84,9 @@ fn the_page_is_for_those_who_know_the_token() {
 
 #[test]
 fn a_warning_says_that_other_machines_can_connect() {
-    let place = Place::new();
+    let place = &Place::new();
     let _pool = place.serve("3m:2 --name train");
-    let mut command = place.command("watch train --host 0.0.0.0");
+    let mut command = program(place, "watch train --host 0.0.0.0");
     let mut child =
         command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the program starts");
     let mut errors = BufReader::new(child.stderr.take().expect("a pipe"));
@@ -107,9 +100,7 @@ fn a_warning_says_that_other_machines_can_connect() {
 
 #[test]
 fn requests_that_make_no_sense_are_refused() {
-    let place = Place::new();
-    let _pool = place.serve("3m:2 --name train");
-    let (mut watch, url) = place.watch("train");
+    let Watched { url, watch, .. } = &mut Watched::new("3m:2");
     let mut page = url.open();
     for (text, expected) in [
         ("", "expected a request"),
@@ -152,9 +143,7 @@ fn requests_that_make_no_sense_are_refused() {
 
 #[test]
 fn many_connections_do_not_exhaust_the_program() {
-    let place = Place::new();
-    let _pool = place.serve("3m:2 --name train");
-    let (_watch, url) = place.watch("train");
+    let Watched { url, .. } = &Watched::new("3m:2");
     let mut page = url.open();
     let others: Vec<_> = (0..1000).map(|_| TcpStream::connect(&url.host)).collect();
     page.show("3m", 0, 2);
@@ -171,9 +160,7 @@ fn many_connections_do_not_exhaust_the_program() {
 /// It was refused before the upgrade, and scripts are not told why: it said that it tried again, without end.
 #[test]
 fn a_page_too_many_is_told_so() {
-    let place = Place::new();
-    let _pool = place.serve("3m:2 --name train");
-    let (_watch, url) = place.watch("train");
+    let Watched { url, .. } = &Watched::new("3m:2");
     let pages: Vec<_> = (0..16).map(|_| url.open()).collect();
     let mut refused = url.connect();
     let why = refused.error("hello", json!({"version": VERSION}));
@@ -189,9 +176,7 @@ fn a_page_too_many_is_told_so() {
 /// Connections that send half a request and nothing more, which needs no token, kept every page out.
 #[test]
 fn half_open_connections_keep_no_page_out() {
-    let place = Place::new();
-    let _pool = place.serve("3m:2 --name train");
-    let (_watch, url) = place.watch("train");
+    let Watched { url, .. } = &Watched::new("3m:2");
     let mut page = url.open();
     let half_open: Vec<TcpStream> = (0..300)
         .map(|_| {
@@ -212,9 +197,7 @@ fn half_open_connections_keep_no_page_out() {
 /// A page can stay open while the program is replaced by another release.
 #[test]
 fn a_page_of_another_version_is_told_to_be_reloaded() {
-    let place = Place::new();
-    let _pool = place.serve("3m:2 --name train");
-    let (_watch, url) = place.watch("train");
+    let Watched { url, .. } = &Watched::new("3m:2");
     let mut page = url.open();
     assert!(page.error("hello", json!({"version": 1_000_000})).ends_with("reload the page"));
     assert!(page.error("unfollow", json!({})).ends_with("reload the page"));
@@ -255,9 +238,9 @@ impl Learner {
 
 #[test]
 fn a_page_sees_what_the_learner_does() {
-    let place = Place::new();
+    let place = &Place::new();
     let _pool = place.serve("3m:4 --name train --seed 0");
-    let (mut watch, url) = place.watch("");
+    let (mut watch, url) = watch(place, "");
     let mut learner = Learner::new(&place);
     let mut page = url.open();
     page.show("3m", 1, 2);
@@ -327,12 +310,8 @@ fn status_of(place: &Place) -> Value {
 
 #[test]
 fn a_hidden_page_is_sent_nothing_and_holds_nothing() {
-    let place = Place::new();
-    let _pool = place.serve("3m:2 --name train");
-    let (_watch, url) = place.watch("train");
-    let mut page = url.open();
-    page.show("3m", 0, 2);
-    page.event("lane", |_| true);
+    let Watched { url, .. } = &Watched::new("3m:2");
+    let mut page = url.open_lane();
     page.request("set_view", json!({"first": 0, "count": 2, "visible": false}));
     page.socket.get_mut().set_read_timeout(Some(Duration::from_millis(1500))).expect("a timeout");
     let silence = page.socket.read();
@@ -341,12 +320,12 @@ fn a_hidden_page_is_sent_nothing_and_holds_nothing() {
 
 #[test]
 fn a_lane_without_room_for_a_spectator_can_still_be_followed() {
-    let place = Place::new();
+    let place = &Place::new();
     let _pool = place.serve("3m:2 --name train");
     let _spectator = Spectator::connect(&place.runtime_dir(), "train", None, WaitOptions::for_response())
         .expect("the only one");
     let mut learner = Learner::new(&place);
-    let (_watch, url) = place.watch("train");
+    let (_watch, url) = watch(place, "train");
     let mut page = url.open();
     page.show("3m", 0, 2);
     let lane = page.event("lane", |_| true);
@@ -361,9 +340,7 @@ fn a_lane_without_room_for_a_spectator_can_still_be_followed() {
 
 #[test]
 fn a_pool_that_runs_again_is_shown_again() {
-    let place = Place::new();
-    let mut pool = place.serve("3m:2 --name train");
-    let (_watch, url) = place.watch("train");
+    let Watched { url, pool, place, .. } = &mut Watched::new("3m:2");
     let mut page = url.open();
     page.show("3m", 0, 2);
     let first = page.event("lane", |_| true);
@@ -385,12 +362,8 @@ fn a_pool_that_runs_again_is_shown_again() {
 /// The page said that the pool was gone and waited for it, although it ran.
 #[test]
 fn a_pool_that_runs_again_with_another_lane_is_not_lost() {
-    let place = Place::new();
-    let mut pool = place.serve("3m:2 --name train");
-    let (_watch, url) = place.watch("train");
-    let mut page = url.open();
-    page.show("3m", 0, 2);
-    page.event("lane", |_| true);
+    let Watched { url, pool, place, .. } = &mut Watched::new("3m:2");
+    let mut page = url.open_lane();
     assert_eq!(pool.interrupt(), Some(0));
     page.event("lost", |_| true);
     let _again = place.serve("2s3z:2 --name train");
@@ -409,16 +382,11 @@ fn a_pool_that_runs_again_with_another_lane_is_not_lost() {
 /// spectator behind.
 #[test]
 fn an_interrupt_ends_the_program_while_a_page_is_open() {
-    let place = Place::new();
-    let mut pool = place.serve("3m:2 --name train");
-    let (mut watch, url) = place.watch("train");
-    let mut page = url.open();
-    page.show("3m", 0, 2);
-    page.event("lane", |_| true);
+    let Watched { url, watch, pool, place } = &mut Watched::new("3m:2");
+    let mut page = url.open_lane();
     page.request("follow", json!({"env": 0}));
     page.event("episodes", |_| true);
     assert_eq!(status_of(&place)["spectators"], 1);
     assert_eq!((pool.interrupt(), watch.interrupt()), (Some(0), Some(0)));
-    let left = std::fs::read_dir(place.root()).expect("a folder").map(|file| file.expect("a file").path());
-    assert_eq!(left.collect::<Vec<_>>(), Vec::<std::path::PathBuf>::new());
+    assert_eq!(place.names_in("pools"), [""; 0]);
 }

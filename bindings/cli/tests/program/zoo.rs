@@ -1,12 +1,11 @@
 //! Teams of the zoo: listed, and played by name.
 
-use crate::kit::{check_error, output};
+use crate::kit::{Place, output};
 use serde_json::Value;
 
 #[test]
 fn teams_of_the_zoo_play_by_name() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
+    let folder = &Place::new();
     let listed = output(folder, "zoo --json");
     let cards: Vec<Value> =
         listed.lines().map(|line| serde_json::from_str(line).expect("a JSON object")).collect();
@@ -30,32 +29,30 @@ fn teams_of_the_zoo_play_by_name() {
     );
     assert!(folder.join("run/opponent/weights.safetensors").exists(), "the run is complete without the zoo");
     let none = "the zoo has no team `4m`; it has 10m_vs_11m, ";
-    check_error(folder, "evaluate zoo:4m", 1, none);
-    check_error(folder, "tournament zoo:4m hold", 1, none);
+    folder.fails("evaluate zoo:4m", 1, none);
+    folder.fails("tournament zoo:4m hold", 1, none);
     let best = "`zoo:3m` has no weights.safetensors: only the best weights were kept; choose those";
-    check_error(folder, "evaluate zoo:3m --weights last", 1, best);
+    folder.fails("evaluate zoo:3m --weights last", 1, best);
 }
 
 /// The weights of a team of the zoo were within the program alone: no page and no folder had them.
 #[test]
 fn an_exported_team_plays_as_in_the_zoo() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
+    let folder = &Place::new();
     output(folder, "zoo --export 3m teams/3m");
     let play = |team: &str| output(folder, &format!("evaluate {team} --episodes 20 --seed 3"));
     assert_eq!(play("teams/3m").lines().nth(2), play("zoo:3m").lines().nth(2));
     let small = "--steps 200 --num-envs 8 --horizon 16 --last-actions 4";
     output(folder, &format!("train 3m --opponent teams/3m --out run {small}"));
-    check_error(folder, "zoo --export zoo:3m teams/3m", 1, "`teams/3m` already holds a run");
-    check_error(folder, "zoo --export 4m teams/4m", 1, "the zoo has no team `4m`");
-    check_error(folder, "zoo --export 3m", 2, "2 values required");
+    folder.fails("zoo --export zoo:3m teams/3m", 1, "`teams/3m` already holds a run");
+    folder.fails("zoo --export 4m teams/4m", 1, "the zoo has no team `4m`");
+    folder.fails("zoo --export 3m", 2, "2 values required");
 }
 
 /// The card named the file `best.safetensors` of any team: two datasets looked alike but for their hashes.
 #[test]
 fn a_dataset_says_whose_it_is() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let folder = folder.path();
+    let folder = &Place::new();
     let printed = output(folder, "dataset record zoo:3m --episodes 20 --out a.smdata");
     let row = printed.lines().find(|line| line.starts_with("zoo:3m ")).expect(&printed);
     assert!(row.contains(" steps ") && row.contains(" % "), "trained for, evaluated: {row}");

@@ -9,7 +9,7 @@
 //! those of the whole run, and the best weights those that are best on all maps together.
 
 use super::ReportError;
-use crate::verify::missing;
+use crate::verify::{missing, recorded};
 use serde_json::Value;
 use smaclite_engine::fnv::Fnv1a;
 use smaclite_engine::{Rules, UnknownRules};
@@ -141,14 +141,10 @@ impl EvaluatedRun {
 
 /// Rows with their episodes, which must agree.
 fn read_evaluations(folder: &Path) -> Result<Vec<PlayedEvaluation>, ReportError> {
-    let files = EvaluationFiles::of(folder);
-    let mut all_episodes = files.episodes()?;
     let mut evaluations: Vec<PlayedEvaluation> = Vec::new();
-    for row in files.rows()? {
+    for (row, episodes) in recorded(folder)? {
         let steps = row.steps;
         let damaged = |why| FileError::Damaged { path: folder.join("evaluations.csv"), why };
-        let found = all_episodes.iter().position(|(of, _)| *of == steps);
-        let episodes = found.map(|i| all_episodes.swap_remove(i).1).unwrap_or_default();
         for (actions, summary) in Choice::BOTH.into_iter().zip([row.greedy, row.sampled]) {
             let of_kind = &episodes[actions.index()];
             let none = of_kind.is_empty().then_some(("win rate", summary.win_rate, 0.0));

@@ -2,7 +2,7 @@
 
 use super::{AlgorithmRuns, Benchmark};
 use crate::statistics::Scores;
-use smaclite_learn::{Choice, Episode};
+use smaclite_learn::{Choice, Episode, Summary};
 use std::collections::BTreeMap;
 
 /// What is compared.
@@ -53,15 +53,12 @@ impl Scorer {
 
     /// Of some episodes of a task.
     fn score(&self, metric: Metric, task: &str, episodes: &[Episode]) -> f64 {
-        let mean =
-            |value: &dyn Fn(&Episode) -> f64| episodes.iter().map(value).sum::<f64>() / episodes.len() as f64;
+        let Summary { win_rate, mean_return, .. } = Summary::of(episodes);
+        let [low, high] = self.ranges[task];
         match metric {
-            Metric::WinRate => mean(&|episode| f64::from(u8::from(episode.won))),
-            Metric::Return => {
-                let [low, high] = self.ranges[task];
-                let raw = mean(&|episode| f64::from(episode.episode_return));
-                if high > low { (raw - low) / (high - low) } else { 0.0 }
-            }
+            Metric::WinRate => win_rate,
+            Metric::Return if high > low => (mean_return - low) / (high - low),
+            Metric::Return => 0.0,
         }
     }
 
