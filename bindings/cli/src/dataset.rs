@@ -10,7 +10,7 @@ use crate::opponent::scripts;
 use crate::os;
 use crate::process::interruption;
 use crate::table::{Table, percent};
-use crate::usage::file_ending_in;
+use crate::usage::{file_ending_in, first_given};
 use clap::{Args, Subcommand, ValueEnum};
 use smaclite_engine::policy::{Scripted, Tactic};
 use smaclite_engine::{BattleSetup, Opponents, Rules};
@@ -178,8 +178,7 @@ impl Record {
         let Record { source, quality, scenario, opponent, greedy, .. } = self;
         match Tactic::from_name(source) {
             Ok(tactic) => {
-                let without = [("--quality", quality.is_some()), ("--greedy", *greedy)];
-                if let Some((option, _)) = without.into_iter().find(|(_, is_given)| *is_given) {
+                if let Some(option) = first_given([("--quality", quality.is_some()), ("--greedy", *greedy)]) {
                     return Err(format!("{option} has no effect on a scripted policy; leave it out").into());
                 }
                 let Some(scenario) = scenario else {
@@ -191,8 +190,8 @@ impl Record {
                 Ok(Source::Script { setup: BattleSetup { opponents, ..setup }, tactic })
             }
             Err(_) if names_team(source) => {
-                let given = [("--scenario", scenario.is_some()), ("--rules", self.rules.is_some())];
-                if let Some((option, _)) = given.into_iter().find(|(_, is_given)| *is_given) {
+                let of_scripts = [("--scenario", scenario.is_some()), ("--rules", self.rules.is_some())];
+                if let Some(option) = first_given(of_scripts) {
                     let text = "has no effect on a run, which plays what it was trained in; leave it out";
                     return Err(format!("{option} {text}").into());
                 }
@@ -276,7 +275,7 @@ fn print_card(dataset: &Dataset, file: &Path) -> CommandResult {
     out!("coverage   {coverage:.4} ({unique_pairs} different pairs of state and joint action)")?;
     out!("recorded   by {}", dataset.program())?;
     out!("hash       {}", dataset.hash())?;
-    let mut table = Table::new(&["policy", "trained for", "evaluated", "episodes", "steps", "won", "return"]);
+    let mut table = Table::new(["policy", "trained for", "evaluated", "episodes", "steps", "won", "return"]);
     for (card, policy) in policies.iter().zip(dataset.policies()) {
         let PolicyCard { name, episodes, steps, win_rate, mean_return } = card;
         table.push([

@@ -47,7 +47,7 @@ impl List {
 }
 
 fn print_pools(pools: &[PoolStatus]) -> std::io::Result<()> {
-    let mut table = Table::new(&["pool", "process", "lane", "environments", "learner", "steps/s"]);
+    let mut table = Table::new(["pool", "process", "lane", "environments", "learner", "steps/s"]);
     for pool in pools {
         for lane in &pool.lanes {
             table.push([
@@ -116,18 +116,10 @@ pub(super) fn given_or_only_pool(
 }
 
 fn print_lanes(lanes: &[LaneStatus]) -> std::io::Result<()> {
-    let mut table = Table::new(&[
-        "lane",
-        "environments",
-        "learner",
-        "steps/s",
-        "queue wait",
-        "steps",
-        "episodes",
-        "win rate",
-        "mean return",
-        "refused requests",
-    ]);
+    let mut table = Table::new(
+        "lane|environments|learner|steps/s|queue wait|steps|episodes|win rate|mean return|refused requests"
+            .split('|'),
+    );
     for lane in lanes {
         table.push([
             lane.description.lane.clone(),

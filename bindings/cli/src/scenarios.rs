@@ -15,16 +15,8 @@ pub(super) struct Scenarios {
 
 impl Scenarios {
     pub(super) fn run(self) -> CommandResult {
-        let mut table = Table::new(&[
-            "scenario",
-            "agents",
-            "enemies",
-            "actions",
-            "obs size",
-            "state size",
-            "episode limit",
-            "units",
-        ]);
+        let mut table =
+            Table::new("scenario|agents|enemies|actions|obs size|state size|episode limit|units".split('|'));
         for name in Scenario::standard_names().chain(Scenario::generated_names()) {
             let scenario = Scenario::resolve(name)?;
             let is_generated = scenario.generation.is_some();

@@ -4,7 +4,7 @@ use super::files::write_file;
 use super::number::{seed, whole};
 use super::picture::{Size, theme};
 use super::snapshot::{SavedBattle, is_snapshot};
-use super::usage::file_ending_in;
+use super::usage::{file_ending_in, first_given};
 use super::{CommandResult, completions};
 use clap::Args;
 use smaclite_engine::{Arena, Battle, Rules, Units};
@@ -69,8 +69,7 @@ impl Show {
             let starts = all.map(|scenario| (scenario.name.clone(), Start::drawn(scenario, 0)));
             return self.write_png(&self.sheet(starts)?);
         };
-        let of_draws = [("--samples", self.samples.is_some()), ("--seed", self.seed.is_some())];
-        let of_draws = of_draws.into_iter().find(|(_, is_given)| *is_given).map(|(option, _)| option);
+        let of_draws = first_given([("--samples", self.samples.is_some()), ("--seed", self.seed.is_some())]);
         let (scenario, units) = if is_snapshot(name.as_ref()) {
             if let Some(option) = of_draws {
                 return Err(format!("{option} is for generated scenarios; `{name}` is a snapshot").into());

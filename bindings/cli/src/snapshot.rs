@@ -90,7 +90,7 @@ impl SavedBattle {
         let end = if snapshot.is_over(arena) { ", the battle is over" } else { "" };
         out!("{}: rules {}, opponent {}", scenario.name, setup.rules, snapshot.opponent.name())?;
         out!("step {}, return {:.2}{end}\n", snapshot.episode_length, snapshot.episode_return)?;
-        let mut table = Table::new(&["unit", "type", "x", "y", "health", "shield", "energy", "cooldown"]);
+        let mut table = Table::new(["unit", "type", "x", "y", "health", "shield", "energy", "cooldown"]);
         let mut units: Vec<(usize, &Placement)> = scenario.units.iter().enumerate().collect();
         units.sort_by_key(|(_, unit)| (unit.faction == Faction::Enemy, unit.id_in_faction));
         for (id, unit) in units {

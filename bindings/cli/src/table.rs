@@ -11,8 +11,8 @@ pub(crate) struct Table {
 }
 
 impl Table {
-    pub(crate) fn new(headings: &[&str]) -> Table {
-        Table { rows: vec![headings.iter().map(|heading| (*heading).to_owned()).collect()] }
+    pub(crate) fn new<'a>(headings: impl IntoIterator<Item = &'a str>) -> Table {
+        Table { rows: vec![headings.into_iter().map(str::to_owned).collect()] }
     }
 
     /// Adds a row, which has one cell per heading.

@@ -56,6 +56,11 @@ fn improve(mut error: clap::Error, command: &Command, args: &[OsString]) -> clap
     error
 }
 
+/// The first of these options that is given.
+pub(super) fn first_given<const N: usize>(options: [(&'static str, bool); N]) -> Option<&'static str> {
+    options.into_iter().find_map(|(option, is_given)| is_given.then_some(option))
+}
+
 /// A parser of files of one suffix, given without its dot.
 pub(super) fn file_ending_in(suffix: &'static str) -> impl TypedValueParser<Value = PathBuf> {
     PathBufValueParser::new().try_map(move |file| match file.extension() {

@@ -43,7 +43,7 @@ impl Zoo {
             return Ok(());
         }
         let mut table =
-            Table::new(&["team", "seed", "steps", "CPU-seconds", "won, greedy", "won, sampled", "episodes"]);
+            Table::new(["team", "seed", "steps", "CPU-seconds", "won, greedy", "won, sampled", "episodes"]);
         for card in zoo_cards()? {
             if self.json {
                 print_json(&card)?;

@@ -127,7 +127,7 @@ pub fn verify(
         let steps = row.steps;
         let which = format!("the evaluation at {steps} steps");
         verifier.check_count(&which, recorded, EVALUATION_EPISODES)?;
-        let actor = verifier.actor(&EvaluationFiles::of(folder).weights(steps))?;
+        let actor = verifier.run.read_actor(&EvaluationFiles::of(folder).weights(steps))?;
         let summaries = [row.greedy, row.sampled];
         let occasion = (Some(steps), Occasion::Training { steps });
         let difference = verifier.compare(&actor, occasion, recorded, summaries, interrupted)?;
@@ -247,15 +247,11 @@ impl<'a> Verifier<'a> {
         Ok(())
     }
 
-    fn actor(&self, path: &Path) -> Result<Network, FileError> {
-        self.run.read_actor(path)
-    }
-
     /// The best weights, which must be those of the best evaluation: the final episodes choose no weights.
     fn best(&self, result: &FinalResult, rows: &[EvaluationRow]) -> Result<Network, VerifyError> {
-        let actor = self.actor(&self.folder.join(Weights::Best.file_name()))?;
+        let actor = self.run.read_actor(&self.folder.join(Weights::Best.file_name()))?;
         let of_rows = EvaluationRow::best(rows).map_or(result.steps, |best| best.steps);
-        let kept = self.actor(&EvaluationFiles::of(self.folder).weights(of_rows))?;
+        let kept = self.run.read_actor(&EvaluationFiles::of(self.folder).weights(of_rows))?;
         let folder = || self.folder.display().to_string();
         if of_rows != result.steps {
             return Err(VerifyError::NotTheBest { folder: folder(), played: result.steps, best: of_rows });

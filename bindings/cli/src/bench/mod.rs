@@ -9,6 +9,7 @@ use crate::number::count;
 use crate::output::print_json;
 use crate::process::interrupt_flag;
 use crate::table::Table;
+use crate::usage::first_given;
 use crate::{CommandResult, THREADS, completions, megabytes};
 use clap::Args;
 use policy::Policy;
@@ -62,17 +63,10 @@ impl Bench {
     pub(super) fn run(self) -> CommandResult {
         let workloads = self.workloads()?;
         let interrupted = interrupt_flag()?;
-        let mut table = Table::new(&[
-            "scenario",
-            "policy",
-            "mode",
-            "threads",
-            "environments",
-            "batch size",
-            "steps/s",
-            "ns per unit and tick",
-            "memory",
-        ]);
+        let mut table = Table::new(
+            "scenario|policy|mode|threads|environments|batch size|steps/s|ns per unit and tick|memory"
+                .split('|'),
+        );
         for workload in &workloads {
             let result = workload.measure(&serve_command, &interrupted)?;
             if self.json {
@@ -99,7 +93,7 @@ impl Bench {
                 ("--batch-size", self.batch_size.is_some()),
                 ("--wait", self.wait.is_some()),
             ];
-            if let Some((option, _)) = of_pools.into_iter().find(|(_, is_given)| *is_given) {
+            if let Some(option) = first_given(of_pools) {
                 let mode = self.mode.name();
                 return Err(format!("{option} has no effect in the mode `{mode}`, which has no pool").into());
             }

@@ -98,7 +98,7 @@ fn find<'a>(
 
 /// Over the tasks that are compared, a row per algorithm.
 fn overall(results: &Results) -> Table {
-    let mut table = Table::new(&["algorithm", "tasks", "runs", "won", "normalised return"]);
+    let mut table = Table::new(["algorithm", "tasks", "runs", "won", "normalised return"]);
     let tasks = results.benchmark.common_tasks().len().to_string();
     for AlgorithmRuns { name, .. } in &results.benchmark.algorithms {
         let of = |metric| find(results, name, None, metric);
@@ -120,7 +120,7 @@ fn by_task(results: &Results) -> Table {
     let won = format!("won, {own}");
     let other_won = format!("won, {other} (mean)");
     let headings = ["task", "algorithm", "seeds", &won, "worst seed", &other_won, "return (mean)"];
-    let mut table = Table::new(&headings);
+    let mut table = Table::new(headings);
     for task in results.benchmark.tasks() {
         for AlgorithmRuns { name, tasks } in &results.benchmark.algorithms {
             let (Some(runs), Some(wins)) =
@@ -154,7 +154,7 @@ fn by_task(results: &Results) -> Table {
 }
 
 fn improvements(results: &Results) -> Table {
-    let mut table = Table::new(&["better", "than", "by won episodes", "by return"]);
+    let mut table = Table::new(["better", "than", "by won episodes", "by return"]);
     let of_metric = |metric| results.report.improvements.iter().filter(move |of| of.metric == metric);
     for (by_wins, by_return) in of_metric(Metric::WinRate).zip(of_metric(Metric::Return)) {
         let cells = [by_wins, by_return].map(|of| probability(of.probability));
@@ -177,7 +177,7 @@ fn probability(estimate: Estimate) -> String {
 fn times(results: &Results) -> Option<Table> {
     let times = results.times.as_ref()?;
     let headings = ["task", "algorithm", "actions", "seeds that won", "steps", "CPU-seconds", "seconds"];
-    let mut table = Table::new(&headings);
+    let mut table = Table::new(headings);
     for task in results.benchmark.tasks() {
         for AlgorithmRuns { name, tasks } in &results.benchmark.algorithms {
             let Some(runs) = tasks.get(task) else { continue };

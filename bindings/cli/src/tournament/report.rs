@@ -43,7 +43,7 @@ fn headline(result: &TournamentResult) -> String {
 fn ratings(result: &TournamentResult) -> Table {
     let mut players: Vec<&PlayerScore> = result.players.iter().collect();
     players.sort_by(|a, b| b.elo.total_cmp(&a.elo));
-    let mut table = Table::new(&["player", "Elo", "95 % interval", "points"]);
+    let mut table = Table::new(["player", "Elo", "95 % interval", "points"]);
     for PlayerScore { player, elo, elo_low, elo_high, points } in players {
         let interval = format!("{elo_low:.0} to {elo_high:.0}");
         table.push([player.clone(), format!("{elo:.0}"), interval, percent(*points)]);
@@ -62,8 +62,7 @@ fn returns(result: &TournamentResult) -> Table {
 /// A row per player with the agents and a column per player with the enemies.
 fn matrix(result: &TournamentResult, cell: impl Fn(&Score) -> String) -> Table {
     let names = || result.players.iter().map(|player| player.player.as_str());
-    let headings: Vec<&str> = std::iter::once("agents").chain(names()).collect();
-    let mut table = Table::new(&headings);
+    let mut table = Table::new(std::iter::once("agents").chain(names()));
     for agents in names() {
         let cells = names().map(|enemies| score(result, agents, enemies).map_or("-".to_owned(), &cell));
         table.push(std::iter::once(agents.to_owned()).chain(cells));

@@ -1,6 +1,6 @@
 //! Datasets by the program: record, show, expand, export, errors.
 
-use crate::kit::{Place, json, output, parsed, program, send_signal, wait_until_caught};
+use crate::kit::{Place, SMALL, json, output, parsed, program, send_signal, wait_until_caught};
 use rustix::process::Signal;
 use std::process::Stdio;
 
@@ -36,8 +36,7 @@ fn a_script_is_recorded_described_and_expanded() {
 #[test]
 fn a_run_is_recorded_by_its_qualities() {
     let folder = &Place::new();
-    let small = "--num-envs 8 --horizon 16 --hidden 16,16";
-    output(folder, &format!("train 3m --steps 512 --evaluate-every 256 {small} --out run"));
+    output(folder, &format!("train 3m --steps 512 --evaluate-every 256 {SMALL} --out run"));
     output(folder, "dataset record run --quality replay --episodes 10 --out replay.smdata");
     let card = json(folder, "dataset show replay.smdata --json");
     let policies = card["policies"].as_array().expect("policies");
@@ -52,7 +51,7 @@ fn a_run_is_recorded_by_its_qualities() {
     folder.fails(&format!("{record} --quality best --out a.smdata"), 2, "quality must be `good`, `medium`");
     folder.fails(&format!("{record} --out a.npy"), 2, "'a.npy' for '--out <FILE>': must end in .smdata");
     folder.fails(&format!("{record} --scenario 3m --out a.smdata"), 1, "has no effect on a run");
-    output(folder, &format!("train 3m --steps 256 {small} --out plain"));
+    output(folder, &format!("train 3m --steps 256 {SMALL} --out plain"));
     let record = "dataset record plain --episodes 10 --quality good --out a.smdata";
     folder.fails(record, 1, "the run has no evaluations in evaluations.csv");
 }

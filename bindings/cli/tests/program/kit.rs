@@ -14,6 +14,9 @@ use tempfile::TempDir;
 /// Longer than anything takes on a busy machine.
 pub const PATIENCE: Duration = Duration::from_secs(30);
 
+/// Options of trainings that take a moment.
+pub const SMALL: &str = "--num-envs 8 --horizon 16 --hidden 16,16";
+
 /// A folder for the files of commands; their pools are in the folder `pools` in it. Dropping it removes what
 /// killed pools left behind.
 pub struct Place(TempDir);

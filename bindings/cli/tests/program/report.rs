@@ -179,20 +179,16 @@ fn opponents_are_compared_by_their_shares() {
 #[test]
 fn errors_say_what_is_accepted() {
     let folder = &Place::new();
-    fs::create_dir(folder.join("empty")).expect("a folder");
     folder.fails("report", 2, "<[NAME=]FOLDER>");
     folder.fails("report empty", 2, "--out <FOLDER>");
-    folder.fails("report empty --out all", 1, "`empty` has no runs: expected the folder of a run");
     folder.fails("report x=nowhere --out all", 1, "cannot read `nowhere`");
-    output(folder, "train 3m --num-envs 8 --horizon 16 --hidden 16,16 --steps 600 --out run");
-    folder.fails("report run --out all", 1, "`run` has no evaluations: expected evaluations.csv");
     assert!(!folder.join("all").exists(), "a command that fails leaves no folder");
     output(folder, &format!("train 3m --out evaluated {SMALL}"));
     fs::remove_file(folder.join("evaluated/evaluations/000000000300.safetensors")).expect("weights");
     folder.fails("report evaluated --out all", 1, "000000000300.safetensors`: No such file");
     folder.fails("report evaluated --out all", 1, "first won; --skip-times leaves this out");
     output(folder, "report evaluated --out all --skip-times");
-    folder.fails("report run --out all --actions both", 2, "[possible values: greedy, sampled]");
+    folder.fails("report evaluated --out all --actions both", 2, "[possible values: greedy, sampled]");
 }
 
 /// The times were those of the folder, so each map of a run had those of its last map.

@@ -1,7 +1,7 @@
 //! What ends a training from outside, and files of runs that are not those that it wrote: signals, pipes,
 //! parts of files, damaged values, and names of teams.
 
-use crate::kit::{Place, error, output, program, run, send_signal, wait_until, wait_until_caught};
+use crate::kit::{Place, SMALL, error, output, program, run, send_signal, wait_until, wait_until_caught};
 use rustix::process::Signal;
 use serde_json::{Value, json};
 use signal_hook::consts::SIGHUP;
@@ -9,8 +9,6 @@ use std::fs;
 use std::process::Stdio;
 use std::sync::Arc;
 use std::time::Duration;
-
-const SMALL: &str = "--num-envs 8 --horizon 16 --hidden 16,16";
 
 /// An interrupted command had the exit status 0 of one that is complete, or the 1 of one that failed: scripts
 /// evaluated half a team, and batch systems did not put the job into the queue again.

@@ -156,10 +156,7 @@ fn a_battle_of_two_learners_is_shown_and_goes_on_against_a_script() {
     let mut battle = Battle::new(Arc::new(arena), 3);
     let stop = vec![1; scenario.units.len()];
     battle.step(&stop, &mut Scratch::new()).expect("all can stop");
-    let layout = RecordLayout::new(RecordSizes::new(&battle.arena().sizes(), 0));
-    let mut record = vec![0; layout.size()];
-    battle.write_record(&layout, &[], &mut record);
-    folder.write("a.snapshot", record);
+    folder.write("a.snapshot", battle.record());
     let shown = output(folder, "show a.snapshot");
     assert!(shown.starts_with("corridor: rules paper, opponent learner\nstep 1,"), "{shown}");
     // In the file of corridor the enemies are first.

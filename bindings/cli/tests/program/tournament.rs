@@ -1,6 +1,6 @@
 //! Tournaments by the program: tables, files, errors.
 
-use crate::kit::{Place, json, output, parsed, program};
+use crate::kit::{Place, SMALL, json, output, parsed, program};
 use serde_json::Value;
 use std::fs;
 use std::process::Stdio;
@@ -10,7 +10,7 @@ const SCRIPTS: &str = "tournament attack_move nearest focus_fire --scenario 3m -
 #[test]
 fn scripts_and_teams_play_a_tournament() {
     let folder = &Place::new();
-    output(folder, "train 3m --steps 256 --num-envs 8 --horizon 16 --hidden 16,16 --out runs/3m");
+    output(folder, &format!("train 3m --steps 256 --out runs/3m {SMALL}"));
     let printed = output(folder, "tournament runs/3m/ attack_move kite --episodes 40 --out all --threads 1");
     assert!(printed.starts_with("3m: 3 players, 8 pairings of 40 episodes, seed 0\n\nplayer "), "{printed}");
     let again = output(folder, "tournament runs/3m attack_move kite --episodes 40 --out again --threads 3");
@@ -57,10 +57,7 @@ fn an_output_that_is_closed_or_full_loses_no_files() {
         let with_bytes = |name: String| (name.clone(), folder.bytes(&format!("{out}/{name}")));
         folder.names_in(out).into_iter().map(with_bytes).collect()
     };
-    output(
-        folder,
-        "train 3m --num-envs 8 --horizon 16 --hidden 16,16 --steps 256 --evaluate-every 256 --out run",
-    );
+    output(folder, &format!("train 3m --steps 256 --evaluate-every 256 --out run {SMALL}"));
     for (name, command) in [("t", SCRIPTS), ("r", "report run --skip-times")] {
         output(folder, &format!("{command} --out {name}-read"));
         let (reader, writer) = std::io::pipe().expect("a pipe");
@@ -79,7 +76,7 @@ fn an_output_that_is_closed_or_full_loses_no_files() {
 #[test]
 fn a_team_is_exploited() {
     let folder = &Place::new();
-    output(folder, "train 3m --steps 256 --num-envs 8 --horizon 16 --hidden 16,16 --out runs/3m");
+    output(folder, &format!("train 3m --steps 256 --out runs/3m {SMALL}"));
     let exploit = "exploit runs/3m --steps 1000 --seeds 2 --seed 4 --episodes 20";
     let printed = output(folder, &format!("{exploit} --out responses"));
     let head =
@@ -106,10 +103,10 @@ fn a_team_is_exploited() {
     let by_name = output(folder, "exploit hold --steps 1000 --seeds 2 --seed 4 --episodes 20");
     let table = |printed: &str| printed.split_once("\n\n").expect("a table").1.replace("runs/3m", "./hold");
     assert_eq!(table(&by_name), table(&printed));
-    output(folder, "train 5m_vs_6m --steps 256 --num-envs 8 --horizon 16 --hidden 16,16 --out runs/5m");
+    output(folder, &format!("train 5m_vs_6m --steps 256 --out runs/5m {SMALL}"));
     folder.fails("exploit runs/5m", 1, "5m");
     // It named a lane of its own.
-    output(folder, "train zerg_5_vs_5 --steps 256 --num-envs 8 --horizon 16 --hidden 16,16 --out runs/zerg");
+    output(folder, &format!("train zerg_5_vs_5 --steps 256 --out runs/zerg {SMALL}"));
     folder.fails("exploit runs/zerg", 1, "a trained team plays the enemies, too: ");
 }
 

@@ -1,6 +1,6 @@
 //! Training and evaluation by the program: train, evaluate, resume, Ctrl-C.
 
-use crate::kit::{PATIENCE, Place, output, parsed, program, run, send_signal, wait_until};
+use crate::kit::{PATIENCE, Place, SMALL, output, parsed, program, run, send_signal, wait_until};
 use rustix::process::Signal;
 use serde_json::Value;
 use smaclite_learn::{STATE_CRITIC_AGENTS, TEAM_ENTROPY};
@@ -12,8 +12,6 @@ use std::time::Duration;
 fn json_lines(text: &str) -> Vec<Value> {
     text.lines().map(|line| serde_json::from_str(line).expect("a JSON object")).collect()
 }
-
-const SMALL: &str = "--num-envs 8 --horizon 16 --hidden 16,16";
 
 #[test]
 fn a_team_is_trained_resumed_and_evaluated() {

@@ -127,6 +127,14 @@ impl ArrayName {
         found.map(|spec| spec.array).ok_or_else(|| UnknownArray(name.to_owned()))
     }
 
+    /// How many rows it has of so many steps and episodes.
+    pub(super) fn n_rows(self, steps: usize, episodes: usize) -> usize {
+        match self.spec().per {
+            PerRow::Step => steps,
+            PerRow::Episode => episodes,
+        }
+    }
+
     /// The axes after the first.
     pub fn row_shape(self, sizes: &Sizes) -> Vec<usize> {
         let length = |axis: &Axis| match axis {
@@ -194,7 +202,7 @@ impl<'a> Rows<'a> {
         let row_bytes = self.row_bytes;
         let parts = std::array::from_fn(|i| {
             let rest = std::mem::take(&mut self.parts[i]);
-            let rows = if ARRAYS[i].per == Step { steps } else { episodes };
+            let rows = ARRAYS[i].array.n_rows(steps, episodes);
             let (front, rest) = rest.split_at_mut(if rest.is_empty() { 0 } else { rows * row_bytes[i] });
             self.parts[i] = rest;
             front

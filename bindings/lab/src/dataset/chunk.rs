@@ -1,7 +1,7 @@
 //! Arrays of some episodes that were played again, on their way to memory, files or hashes.
 
 use super::Dataset;
-use super::arrays::{ArrayName, N_ARRAYS, PerRow, Rows};
+use super::arrays::{ArrayName, N_ARRAYS, Rows};
 use std::ops::Range;
 
 /// Which arrays are wanted, by array.
@@ -16,10 +16,7 @@ pub(super) struct Chunk<'a> {
 impl Chunk<'_> {
     /// The rows of an array.
     pub fn bytes(&self, dataset: &Dataset, array: ArrayName) -> &[u8] {
-        let n_rows = match array.spec().per {
-            PerRow::Step => dataset.steps_of_all(&self.episodes).len(),
-            PerRow::Episode => self.episodes.len(),
-        };
-        self.rows.bytes(array, 0..n_rows)
+        let steps = dataset.steps_of_all(&self.episodes).len();
+        self.rows.bytes(array, 0..array.n_rows(steps, self.episodes.len()))
     }
 }

@@ -267,11 +267,7 @@ fn wanted(arrays: &[ArrayName]) -> Wanted {
 }
 
 fn n_rows(array: ArrayName, wanted: Wanted, steps: usize, episodes: usize) -> usize {
-    match array.spec().per {
-        _ if !wanted[array as usize] => 0,
-        PerRow::Step => steps,
-        PerRow::Episode => episodes,
-    }
+    if wanted[array as usize] { array.n_rows(steps, episodes) } else { 0 }
 }
 
 impl End {

@@ -101,10 +101,7 @@ fn header(array: ArrayName, dataset: &Dataset) -> Vec<u8> {
 }
 
 fn n_rows(array: ArrayName, dataset: &Dataset) -> usize {
-    match array.spec().per {
-        PerRow::Step => dataset.n_steps(),
-        PerRow::Episode => dataset.episodes().len(),
-    }
+    array.n_rows(dataset.n_steps(), dataset.episodes().len())
 }
 
 fn row_bytes(array: ArrayName, dataset: &Dataset) -> usize {

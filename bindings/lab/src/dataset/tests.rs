@@ -18,6 +18,11 @@ fn script(scenario: &str, limit: u32) -> Source {
     Source::Script { setup, tactic: Tactic::Random }
 }
 
+fn record(source: Source, amount: Amount, threads: usize) -> Result<Dataset, DatasetError> {
+    let recording = Recording { source, amount, seed: 3, greedy: false, threads };
+    Dataset::record(&recording, &mut || false)
+}
+
 /// Some episodes of 2s3z, of which the short limit truncates some.
 pub(super) fn recorded(threads: usize) -> Dataset {
     let (source, amount) = (script("2s3z", LIMIT), Amount::Episodes(40));
@@ -137,17 +142,14 @@ fn battles_that_do_not_end_or_have_two_players_are_refused() {
     let both = setup.with_sides(Sides::Both(EnemySide { mirror: false, zero_sum: false }));
     for (setup, expected) in [(endless, "must have an episode limit"), (both, "both sides")] {
         let source = Source::Script { setup, tactic };
-        let recording = Recording { source, amount: Amount::Episodes(1), seed: 0, greedy: false, threads: 1 };
-        let error = Dataset::record(&recording, &mut || false).unwrap_err().to_string();
+        let error = record(source, Amount::Episodes(1), 1).unwrap_err().to_string();
         assert!(error.contains(expected), "{error}");
     }
 }
 
 #[test]
 fn as_many_steps_are_recorded_as_are_asked_for() {
-    let amount = Amount::Steps(500);
-    let recording = Recording { source: script("3m", 60), amount, seed: 1, greedy: false, threads: 2 };
-    let dataset = Dataset::record(&recording, &mut || false).unwrap();
+    let dataset = record(script("3m", 60), Amount::Steps(500), 2).unwrap();
     let last = dataset.episodes().last().unwrap().length as usize;
     assert!(dataset.n_steps() >= 500 && dataset.n_steps() - last < 500, "{}", dataset.n_steps());
 }
@@ -158,8 +160,7 @@ fn generated_battles_are_played_again() {
     let Source::Script { setup, tactic } = script("terran_5_vs_5", 60) else { unreachable!() };
     let opponents = "attack_move=1,focus_fire=3,kite=0.7".parse().unwrap();
     let source = Source::Script { setup: BattleSetup { opponents, ..setup }, tactic };
-    let recording = Recording { source, amount: Amount::Episodes(20), seed: 5, greedy: false, threads: 2 };
-    let dataset = Dataset::record(&recording, &mut || false).unwrap();
+    let dataset = record(source, Amount::Episodes(20), 2).unwrap();
     assert_eq!(all(&read(&bytes_of(&dataset)).unwrap(), 1), all(&dataset, 2));
 }
 
@@ -176,11 +177,6 @@ fn generated(types: [&str; 2], smacv2: &str) -> Source {
     Source::Script { setup: BattleSetup::new(files), tactic: Tactic::Kite }
 }
 
-fn record_some(source: Source, threads: usize) -> Result<Dataset, DatasetError> {
-    let recording = Recording { source, amount: Amount::Episodes(30), seed: 1, greedy: false, threads };
-    Dataset::record(&recording, &mut || false)
-}
-
 /// Scripts were recorded that acted by what no learner sees, as `ScriptedPolicy` of Python refuses to.
 #[test]
 fn a_script_that_reads_more_than_states_have_is_refused() {
@@ -194,17 +190,17 @@ fn a_script_that_reads_more_than_states_have_is_refused() {
     ] {
         let keys = keys.iter().map(|(key, value)| ((*key).to_owned(), value.clone()));
         let setup = BattleSetup::new(setup.files.with_keys(keys));
-        let record = |tactic| record_some(Source::Script { setup: setup.clone(), tactic }, 1);
-        let error = record(Tactic::Kite).unwrap_err().to_string();
+        let play = |tactic| record(Source::Script { setup: setup.clone(), tactic }, Amount::Episodes(1), 1);
+        let error = play(Tactic::Kite).unwrap_err().to_string();
         assert!(error.starts_with(expected), "{error}");
-        record(Tactic::Random).unwrap();
+        play(Tactic::Random).unwrap();
     }
 }
 
 /// They were over before their only step, and a dataset of them could not be read.
 #[test]
 fn battles_that_draw_healers_alone_have_one_step() {
-    let dataset = record_some(generated(["MARINE", "MEDIVAC"], "{}"), 2).unwrap();
+    let dataset = record(generated(["MARINE", "MEDIVAC"], "{}"), Amount::Episodes(30), 2).unwrap();
     let lengths = || dataset.episodes().iter().map(|episode| episode.length);
     assert!(lengths().any(|length| length == 1) && lengths().all(|length| length >= 1));
     assert_eq!(all(&read(&bytes_of(&dataset)).unwrap(), 1), all(&dataset, 2));
@@ -214,10 +210,9 @@ fn battles_that_draw_healers_alone_have_one_step() {
 /// depended on what the same thread had played before.
 #[test]
 fn episodes_do_not_depend_on_those_before_them() {
-    let record =
-        |threads| record_some(generated(["MARINE", "MARAUDER"], r#"{"published": true}"#), threads).unwrap();
-    let bytes = bytes_of(&record(1));
-    assert_eq!(bytes_of(&record(4)), bytes);
+    let source = || generated(["MARINE", "MARAUDER"], r#"{"published": true}"#);
+    let bytes = bytes_of(&record(source(), Amount::Episodes(30), 1).unwrap());
+    assert_eq!(bytes_of(&record(source(), Amount::Episodes(30), 4).unwrap()), bytes);
     let dataset = read(&bytes).unwrap();
     assert_eq!(all(&dataset, 1), all(&dataset, 5));
 }
@@ -241,6 +236,10 @@ fn run_with_evaluations(folder: &std::path::Path) {
     }
 }
 
+fn of_run(folder: &std::path::Path, quality: Option<Quality>) -> Source {
+    Source::Run { folder: folder.join("run"), quality, opponents: None }
+}
+
 /// The table of evaluations of that run, with steps and sampled win rates.
 fn write_evaluations(folder: &std::path::Path, evaluations: &[(u64, f64)]) {
     let line = |&(steps, win_rate): &(u64, f64)| {
@@ -260,12 +259,8 @@ fn threads_and_amounts_change_no_action_of_a_team() {
     let folder = tempfile::tempdir().unwrap();
     run_with_evaluations(folder.path());
     write_evaluations(folder.path(), &[(100, 0.25), (200, 0.5)]);
-    let record = |quality, amount, threads| {
-        let source =
-            Source::Run { folder: folder.path().join("run"), quality: Some(quality), opponents: None };
-        let recording = Recording { source, amount, seed: 3, greedy: false, threads };
-        Dataset::record(&recording, &mut || false).unwrap()
-    };
+    let record =
+        |quality, amount, threads| record(of_run(folder.path(), Some(quality)), amount, threads).unwrap();
     for amount in [Amount::Episodes(150), Amount::Steps(9000)] {
         let one = bytes_of(&record(Quality::Replay, amount, 1));
         for threads in [2, 3, 8] {
@@ -287,12 +282,7 @@ fn threads_and_amounts_change_no_action_of_a_team() {
 fn the_weights_of_evaluations_are_recorded_by_their_quality() {
     let folder = tempfile::tempdir().unwrap();
     run_with_evaluations(folder.path());
-    let record = |quality| {
-        let source = Source::Run { folder: folder.path().join("run"), quality, opponents: None };
-        let amount = Amount::Steps(400);
-        let recording = Recording { source, amount, seed: 3, greedy: false, threads: 2 };
-        Dataset::record(&recording, &mut || false)
-    };
+    let record = |quality| record(of_run(folder.path(), quality), Amount::Steps(400), 2);
     let names = |dataset: &Dataset| -> Vec<String> {
         dataset.policies().iter().map(|policy| policy.name.clone()).collect()
     };
@@ -311,11 +301,7 @@ fn the_weights_of_evaluations_are_recorded_by_their_quality() {
     assert_eq!(replay.policies()[0].sampled_win_rate, Some(0.25));
     assert!(cards.iter().all(|card| card.steps >= 200 && card.steps < 200 + 60), "{cards:?}");
     let of_episodes = |n| {
-        let source = Source::Run {
-            folder: folder.path().join("run"),
-            quality: Some(Quality::Replay),
-            opponents: None,
-        };
+        let source = of_run(folder.path(), Some(Quality::Replay));
         let recording = Recording { source, amount: Amount::Episodes(n), seed: 3, greedy: true, threads: 2 };
         let dataset = Dataset::record(&recording, &mut || false).unwrap();
         dataset.card().policies.iter().map(|card| card.episodes).collect::<Vec<_>>()

@@ -18,10 +18,9 @@ use super::{EvaluatedRun, ReportError};
 use crate::statistics::wilson_interval;
 use serde::{Deserialize, Serialize};
 use smaclite_learn::{
-    Choice, Episode, EvaluationFiles, EvaluationRow, Evaluator, FileError, Network, Occasion, RunDescription,
-    parallel::Interrupted, read_file,
+    Choice, Episode, EvaluationFiles, EvaluationRow, Evaluator, FileError, Occasion, parallel::Interrupted,
+    read_file,
 };
-use std::path::Path;
 
 /// Episodes that are played with the weights of an evaluation.
 pub const CRITERION_EPISODES: usize = 200;
@@ -89,7 +88,8 @@ pub fn time_to_win(
     let mut evaluator = evaluator.map_err(ReportError::NoTime)?;
     for evaluation in &run.evaluations {
         let EvaluationRow { steps, seconds, cpu_seconds, .. } = evaluation.row;
-        let actor = actor(&run.folder, description, steps).map_err(ReportError::NoTime)?;
+        let weights = EvaluationFiles::of(&run.folder).weights(steps);
+        let actor = description.read_actor(&weights).map_err(ReportError::NoTime)?;
         let mut play = |block: u64| {
             let occasion = Occasion::TimeToWin { steps, block };
             evaluator.play(&actor, occasion, actions, BLOCK, interrupted)
@@ -100,11 +100,6 @@ pub fn time_to_win(
         }
     }
     Ok(FirstWin::Never)
-}
-
-fn actor(folder: &Path, run: &RunDescription, steps: u64) -> Result<Network, FileError> {
-    let path = EvaluationFiles::of(folder).weights(steps);
-    run.read_actor(&path)
 }
 
 /// The wins among the episodes, played in blocks of [`BLOCK`], if they are enough.

@@ -31,6 +31,8 @@ pub(super) struct Follow {
 
 #[derive(Debug, thiserror::Error)]
 pub(super) enum FollowError {
+    #[error("no environment is followed")]
+    Nothing,
     #[error("episode {0} is not in the log any more")]
     Forgotten(u64),
     #[error(transparent)]
@@ -54,20 +56,18 @@ impl Follow {
         Ok(Follow { follower, battles, episodes: Episodes::default(), shown: None, observed: None })
     }
 
-    /// Reads what happened; whether anything did.
-    pub(super) fn read(&mut self) -> Result<bool, String> {
-        let mut is_new = false;
+    /// Reads what happened.
+    pub(super) fn read(&mut self) -> Result<(), String> {
         loop {
             let piece = self.follower.read(WaitOptions::for_response());
             let Piece { parts, more } = piece.map_err(|error| error.to_string())?;
-            is_new |= !parts.is_empty();
             parts.into_iter().for_each(|followed| self.episodes.add(followed));
             if !more {
                 break;
             }
         }
         self.episodes.trim(self.shown.as_ref().map(|(number, _)| *number));
-        Ok(is_new)
+        Ok(())
     }
 
     /// Plays episodes that are over to their ends, the newest first: the log has no results. Those that do
@@ -77,7 +77,7 @@ impl Follow {
         while let Some(episode) = self.episodes.unjudged(LISTED) {
             episode.is_judged = true;
             let Battles { scenario, arena, .. } = &*self.battles;
-            let steps = episode.actions.len() / arena.sizes().n_actors();
+            let steps = steps_of(episode, &self.battles);
             // One that cannot be played says why when it is opened.
             episode.result =
                 Simulation::new(scenario, arena, &episode.start).ok().and_then(|mut simulation| {
@@ -93,12 +93,11 @@ impl Follow {
     /// The newest episodes, and the one that is shown.
     pub(super) fn list(&mut self) -> Vec<EpisodeInfo> {
         self.judge();
-        let n_actors = self.battles.arena.sizes().n_actors();
         let shown = self.shown.as_ref().map(|(number, _)| *number);
         let row = |(i, episode): (usize, &Episode)| {
             (i < LISTED || Some(episode.number) == shown).then(|| EpisodeInfo {
                 number: episode.number,
-                steps: episode.actions.len() / n_actors,
+                steps: steps_of(episode, &self.battles),
                 first_step: episode.start.episode_length,
                 is_over: episode.is_over,
                 result: episode.result,
@@ -107,10 +106,6 @@ impl Follow {
             })
         };
         self.episodes.recent().enumerate().filter_map(row).collect()
-    }
-
-    fn n_agents(&self) -> usize {
-        self.battles.arena.sizes().n_agents
     }
 
     /// Steps of an episode, from one on, as moments and decisions.
@@ -129,7 +124,7 @@ impl Follow {
         step: usize,
         agent: usize,
     ) -> Result<Vec<f32>, FollowError> {
-        let n_agents = self.n_agents();
+        let n_agents = self.battles.arena.sizes().n_agents;
         if agent >= n_agents {
             return Err(FollowError::NoSuchAgent { agent, n_agents });
         }

@@ -1,7 +1,7 @@
 //! What one page requests, and what it is sent while it is visible: cells of the grid, the status of the
 //! pool, and the list of a followed environment's episodes.
 
-use super::follow::Follow;
+use super::follow::{Follow, FollowError};
 use super::lane::WatchedLane;
 use super::pool::{STATUS_INTERVAL, WatchedPool, lock};
 use crate::web::protocol::{PageEvent, PageRequest, PageResponse, RequestMessage};
@@ -103,9 +103,18 @@ impl<'a> Session<'a> {
                 self.follow = None;
                 Ok(PageResponse::Unfollow {})
             }
-            PageRequest::GetSteps { number, step } => self.steps(number, step),
-            PageRequest::GetObservation { number, step, agent } => self.observation(number, step, agent),
-            PageRequest::GetSnapshot { number, step } => self.snapshot(number, step),
+            PageRequest::GetSteps { number, step } => {
+                let steps = self.follow().and_then(|follow| follow.steps(number, step));
+                steps.map(PageResponse::GetSteps).map_err(|error| error.to_string())
+            }
+            PageRequest::GetObservation { number, step, agent } => {
+                let obs = self.follow().and_then(|follow| follow.observation(number, step, agent));
+                obs.map(|obs| PageResponse::GetObservation { obs }).map_err(|error| error.to_string())
+            }
+            PageRequest::GetSnapshot { number, step } => {
+                let file = self.follow().and_then(|follow| follow.snapshot(number, step));
+                file.map(PageResponse::GetSnapshot).map_err(|error| error.to_string())
+            }
             _ => Err("this request is one of another page".to_owned()),
         };
         self.page.respond(id, response)
@@ -141,20 +150,8 @@ impl<'a> Session<'a> {
         Ok(PageResponse::Follow {})
     }
 
-    fn steps(&mut self, number: u64, step: usize) -> Result<PageResponse, String> {
-        let follow = self.follow.as_mut().ok_or(NOT_FOLLOWING)?;
-        follow.steps(number, step).map(PageResponse::GetSteps).map_err(|error| error.to_string())
-    }
-
-    fn observation(&mut self, number: u64, step: usize, agent: usize) -> Result<PageResponse, String> {
-        let follow = self.follow.as_mut().ok_or(NOT_FOLLOWING)?;
-        let obs = follow.observation(number, step, agent).map_err(|error| error.to_string())?;
-        Ok(PageResponse::GetObservation { obs })
-    }
-
-    fn snapshot(&mut self, number: u64, step: usize) -> Result<PageResponse, String> {
-        let follow = self.follow.as_mut().ok_or(NOT_FOLLOWING)?;
-        follow.snapshot(number, step).map(PageResponse::GetSnapshot).map_err(|error| error.to_string())
+    fn follow(&mut self) -> Result<&mut Follow, FollowError> {
+        self.follow.as_mut().ok_or(FollowError::Nothing)
     }
 
     fn send_due(&mut self) -> Result<(), Closed> {
@@ -224,7 +221,7 @@ impl<'a> Session<'a> {
     fn send_episodes(&mut self) -> Result<(), Closed> {
         let Some(follow) = &mut self.follow else { return Ok(()) };
         match follow.read() {
-            Ok(_) => self.page.push(PageEvent::Episodes { episodes: follow.list() }),
+            Ok(()) => self.page.push(PageEvent::Episodes { episodes: follow.list() }),
             Err(error) => {
                 (self.follow, self.watched) = (None, None);
                 self.page.push(PageEvent::Lost { error })
@@ -232,5 +229,3 @@ impl<'a> Session<'a> {
         }
     }
 }
-
-const NOT_FOLLOWING: &str = "no environment is followed";

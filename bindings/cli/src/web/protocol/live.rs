@@ -11,7 +11,6 @@ use ts_rs::TS;
 #[derive(Debug, Serialize)]
 #[cfg_attr(test, derive(TS))]
 pub(crate) struct Steps {
-    #[cfg_attr(test, ts(type = "number"))]
     pub(in crate::web) number: u64,
     /// The first of them, and how many there are.
     pub(in crate::web) step: usize,
@@ -125,21 +124,16 @@ pub(crate) struct Point {
     /// Which of the pools of this name it is of, one after the other: counts of another one begin at 0.
     pub(in crate::web) pool: u32,
     pub(in crate::web) steps_per_s: f64,
-    #[cfg_attr(test, ts(type = "number"))]
     pub(in crate::web) steps: u64,
-    #[cfg_attr(test, ts(type = "number"))]
     pub(in crate::web) episodes: u64,
-    #[cfg_attr(test, ts(type = "number"))]
     pub(in crate::web) wins: u64,
     pub(in crate::web) returns: f64,
-    #[cfg_attr(test, ts(type = "number"))]
     pub(in crate::web) lengths: u64,
 }
 
 #[derive(Debug, Serialize)]
 #[cfg_attr(test, derive(TS))]
 pub(crate) struct EpisodeInfo {
-    #[cfg_attr(test, ts(type = "number"))]
     pub(in crate::web) number: u64,
     pub(in crate::web) steps: usize,
     /// The step of the battle with which the log of it begins.

@@ -24,7 +24,6 @@ pub(super) const VERSION: u32 = 7;
 #[derive(Debug, Deserialize)]
 #[cfg_attr(test, derive(TS))]
 pub(crate) struct RequestMessage {
-    #[cfg_attr(test, ts(type = "number"))]
     pub(super) id: u64,
     pub(super) request: PageRequest,
 }
@@ -78,24 +77,11 @@ pub(crate) enum PageRequest {
     /// Follows no environment.
     Unfollow {},
     /// Steps of an episode of the followed environment, from `step` on.
-    GetSteps {
-        #[cfg_attr(test, ts(type = "number"))]
-        number: u64,
-        step: usize,
-    },
+    GetSteps { number: u64, step: usize },
     /// What an agent observes before a step.
-    GetObservation {
-        #[cfg_attr(test, ts(type = "number"))]
-        number: u64,
-        step: usize,
-        agent: usize,
-    },
+    GetObservation { number: u64, step: usize, agent: usize },
     /// The state before a step of an episode of the followed environment.
-    GetSnapshot {
-        #[cfg_attr(test, ts(type = "number"))]
-        number: u64,
-        step: usize,
-    },
+    GetSnapshot { number: u64, step: usize },
     /// The files to begin with.
     OpenFiles {},
     /// Writes the files that the command names.

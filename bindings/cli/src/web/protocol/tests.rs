@@ -18,7 +18,7 @@ export type Base = { [file: string]: string };
 ";
 
 fn description() -> String {
-    let config = Config::default();
+    let config = Config::default().with_large_int("number");
     macro_rules! declarations {
         ($($name:ident),+ $(,)?) => { [$(format!("export {}\n", $name::decl(&config))),+].concat() };
     }
