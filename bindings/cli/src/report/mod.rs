@@ -17,6 +17,7 @@ use smaclite_lab::{Benchmark, EvaluatedRun, FirstWin, Report, ReportError, marl_
 use smaclite_learn::Choice;
 use smaclite_units::Keyword;
 use std::collections::BTreeMap;
+use std::error::Error;
 use std::path::{Path, PathBuf};
 
 #[derive(Args)]
@@ -124,13 +125,16 @@ fn named(text: &str) -> (String, PathBuf) {
 }
 
 /// Finds out when the teams of all runs first won.
-fn play(benchmark: &Benchmark, threads: usize, stop: &dyn Fn() -> bool) -> Result<Times, ReportError> {
+fn play(benchmark: &Benchmark, threads: usize, stop: &dyn Fn() -> bool) -> Result<Times, Box<dyn Error>> {
     let runs = benchmark.algorithms.iter().flat_map(|algorithm| algorithm.tasks.values()).flatten();
     let times = |run: &EvaluatedRun| {
         let time = |actions| time_to_win(run, actions, threads, &mut || stop());
         Ok((key(run), [time(Choice::Greedy)?, time(Choice::Sampled)?]))
     };
-    runs.map(times).collect()
+    runs.map(times).collect::<Result<_, _>>().map_err(|error| match error {
+        ReportError::NoTime(_) => format!("{error}; --skip-times leaves this out").into(),
+        error => error.into(),
+    })
 }
 
 /// Notes of the runs of which nobody knows when their teams first won.

@@ -10,13 +10,13 @@ pub enum ReportError {
     #[error(transparent)]
     File(#[from] FileError),
     #[error(
-        "`{}` has no runs: expected the folder of a run (with run.json or options.json), one of \
-         `smaclite-pool train --seeds`, or one with such folders in it", .0.display()
+        "`{}` has no runs: expected the folder of a run (with run.json or options.json), or one with such \
+         folders in it", .0.display()
     )]
     NoRuns(PathBuf),
     #[error(
-        "`{}` has no evaluations: expected evaluations.csv, as `smaclite-pool train --evaluate-every N` \
-         writes it", .0.display()
+        "`{}` has no evaluations: expected evaluations.csv, which a training writes that is evaluated \
+         (`evaluate_every`)", .0.display()
     )]
     NoEvaluations(PathBuf),
     #[error(
@@ -42,10 +42,7 @@ pub enum ReportError {
         first.display(), second.display()
     )]
     OtherBattles { task: String, first: PathBuf, second: PathBuf },
-    #[error(
-        "{0}\nThe weights of all evaluations play to find out when the team first won; --skip-times leaves \
-         this out"
-    )]
+    #[error("{0}\nThe weights of all evaluations play to find out when the team first won")]
     NoTime(FileError),
     #[error("interrupted")]
     Interrupted,

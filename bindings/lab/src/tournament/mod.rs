@@ -159,11 +159,11 @@ pub enum TournamentError {
     #[error(
         "`{folder}` was trained in {given}, but {expected} is played; they differ in {differences}{hint}"
     )]
-    OtherScenario { folder: String, given: String, expected: String, differences: String, hint: String },
+    OtherScenario { folder: String, given: String, expected: String, differences: String, hint: &'static str },
     #[error(
         "the sides of {name} differ ({n_agents} agents, {n_enemies} enemies), so a team that was trained \
-         with its agents cannot play its enemies; here only scripts play against each other, and \
-         `smaclite-pool evaluate --opponent` plays a team against a script"
+         with its agents cannot play its enemies; here only scripts play against each other, and a team \
+         plays against scripts in evaluations"
     )]
     Asymmetric { name: String, n_agents: usize, n_enemies: usize },
     #[error("a trained team plays the enemies, too: {0}")]
@@ -267,10 +267,8 @@ impl Tournament {
                 let (folder, given) = (folder.clone(), run.name.clone());
                 let expected = scenario.name;
                 let hint = match run.config.network {
-                    NetworkKind::Universal => {
-                        "; `smaclite-pool adapt` writes it as a team of another map".to_owned()
-                    }
-                    NetworkKind::Flat | NetworkKind::Units => String::new(),
+                    NetworkKind::Universal => "; adapted to this map, it is a team of it, too",
+                    NetworkKind::Flat | NetworkKind::Units => "",
                 };
                 return Err(TournamentError::OtherScenario { folder, given, expected, differences, hint });
             }
