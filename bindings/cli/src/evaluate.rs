@@ -16,8 +16,7 @@ use smaclite_learn::{
 };
 use smaclite_pool::PoolOptions;
 use smaclite_view::{Recorder, SUFFIX};
-use std::error::Error;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 #[derive(Args)]
 pub(super) struct Evaluate {
@@ -92,19 +91,17 @@ impl Evaluate {
         };
         let evaluation =
             Evaluation { episodes, seed, weights, greedy, threads, opponents, opponent_team, map };
-        let mut recording = match &self.record {
-            Some(file) => {
-                check_file_of("--record", file)?;
-                Some(Recording::new(&self.folder, &evaluation)?)
-            }
-            None => None,
-        };
+        let mut recorder = None;
+        if let Some(file) = &self.record {
+            check_file_of("--record", file)?;
+            recorder = Some(Recorder::new(evaluation.setup(&evaluation.run(&self.folder)?), seed)?);
+        }
         let interrupted = interruption()?;
         let (mut printed, mut recorded) = (Ok(()), Ok(()));
         let mut on_event = |event: EvaluationEvent| match event {
             EvaluationEvent::Ended(episode) if json && printed.is_ok() => printed = print_json(&episode),
             EvaluationEvent::Step { env_id: RECORDED_ENV, actions } if recorded.is_ok() => {
-                recorded = recording.as_mut().map_or(Ok(()), |recording| recording.step(actions));
+                recorded = recorder.as_mut().map_or(Ok(()), |recorder| record_step(recorder, actions));
             }
             _ => {}
         };
@@ -113,36 +110,23 @@ impl Evaluate {
         recorded?;
         let printed = printed.and_then(|()| if json { print_json(&result) } else { print_text(&result) });
         // The file does not depend on who reads the output.
-        if let Some((recording, file)) = recording.zip(self.record) {
-            recording.write(&file, json || printed.is_err())?;
+        if let Some((recorder, file)) = recorder.zip(self.record) {
+            let replay = recorder.finish();
+            replay.write(&file)?;
+            if !json && printed.is_ok() {
+                replay::print_recorded(&replay, &file)?;
+            }
         }
         printed
     }
 }
 
-/// Plays the recorded environment's episodes again while they are evaluated.
-struct Recording(Recorder);
-
-impl Recording {
-    /// Of the run in a folder.
-    fn new(folder: &Path, evaluation: &Evaluation) -> Result<Recording, Box<dyn Error>> {
-        let setup = evaluation.setup(&evaluation.run(folder)?);
-        Ok(Recording(Recorder::new(setup, evaluation.seed)?))
+/// Plays a step of the recorded environment again, while it is evaluated.
+fn record_step(recorder: &mut Recorder, actions: &[i32]) -> Result<(), IllegalAction> {
+    if recorder.battle().is_over() {
+        recorder.reset();
     }
-
-    fn step(&mut self, actions: &[i32]) -> Result<(), IllegalAction> {
-        let Recording(recorder) = self;
-        if recorder.battle().is_over() {
-            recorder.reset();
-        }
-        recorder.step(actions).map(|_| ())
-    }
-
-    fn write(self, file: &Path, quietly: bool) -> CommandResult {
-        let replay = self.0.finish();
-        replay.write(file)?;
-        if quietly { Ok(()) } else { replay::print_recorded(&replay, file) }
-    }
+    recorder.step(actions).map(|_| ())
 }
 
 fn print_text(result: &EvaluationResult) -> CommandResult {

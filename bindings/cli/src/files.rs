@@ -59,7 +59,7 @@ pub(crate) fn write_file<E: Error + From<io::Error> + 'static>(
 
 /// Writes files, names with contents, to a folder: all or none, also where the disk is full before the last.
 /// Each is complete before the next begins, and replaces an old one after the next has done so.
-pub(crate) fn write_files<C: AsRef<[u8]>>(folder: &Path, files: &[(String, C)]) -> CommandResult {
+pub(crate) fn write_files(folder: &Path, files: &[(impl AsRef<Path>, impl AsRef<[u8]>)]) -> CommandResult {
     let [(name, content), others @ ..] = files else { return Ok(()) };
     let path = folder.join(name);
     let written = write_whole(&path, |output| -> CommandResult {

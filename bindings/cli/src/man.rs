@@ -35,7 +35,7 @@ fn write_pages(program: clap::Command, folder: &Path) -> CommandResult {
     clap_mangen::generate_to(program, &made)?;
     let read = |page: io::Result<fs::DirEntry>| {
         let page = page?;
-        Ok((page.file_name().to_string_lossy().into_owned(), fs::read(page.path())?))
+        Ok((page.file_name(), fs::read(page.path())?))
     };
     let pages = fs::read_dir(&made)?.map(read).collect::<io::Result<Vec<_>>>()?;
     fs::create_dir_all(folder).map_err(|error| format!("{}: {error}", folder.display()))?;

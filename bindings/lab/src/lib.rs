@@ -32,4 +32,4 @@ pub use statistics::{
     wilson_interval,
 };
 pub use tournament::{PlayerScore, Score, Tournament, TournamentError, TournamentResult};
-pub use verify::{Difference, Verification, VerifyError, verify};
+pub use verify::{Difference, Mismatch, Verification, VerifyError, verify};

@@ -62,39 +62,43 @@ pub enum VerifyError {
          evaluations, or resume it until its end"
     )]
     NotComplete { folder: String },
-    #[error(
-        "`{folder}` is not verified: it has no evaluation at {steps} steps, but run.json says that there is \
-         one at every multiple of {every} steps and at the end, {end}"
-    )]
-    Missing { folder: String, steps: u64, every: u64, end: u64 },
-    #[error(
-        "`{folder}` is not verified: final.json is of a run of {played} steps, but run.json says that it \
-         makes {end}; resume it until its end"
-    )]
-    OtherEnd { folder: String, played: u64, end: u64 },
-    #[error("`{folder}` is not verified: {which} has {found} {actions} episodes, but {expected} are played")]
-    Episodes { folder: String, which: String, found: usize, actions: Choice, expected: usize },
-    #[error(
-        "`{folder}` is not verified: final.json is of {played} steps, but the best evaluation is at {best}"
-    )]
-    NotTheBest { folder: String, played: u64, best: u64 },
-    #[error(
-        "`{folder}` is not verified: the evaluation at {steps} steps is of {found} trained steps in \
-         evaluations.csv, but of {expected} in {file}"
-    )]
-    TrainedSteps { folder: String, steps: u64, found: u64, expected: u64, file: &'static str },
-    #[error(
-        "`{folder}` is not verified: best.safetensors has other weights than the evaluation at {best} steps"
-    )]
-    OtherWeights { folder: String, best: u64 },
-    #[error(
-        "`{folder}` is not verified: {difference}\nThe last bits of a network's outputs depend on the vector \
-         instructions of the CPU, and so can an episode: verify on a machine with the instructions of the \
-         one that trained. On such a machine, the weights or the numbers were changed"
-    )]
-    Differs { folder: String, difference: Box<Difference> },
+    #[error("`{folder}` is not verified: {mismatch}")]
+    Mismatch { folder: String, mismatch: Mismatch },
     #[error("interrupted")]
     Interrupted,
+}
+
+/// What does not agree in the files of a run, or with what is played.
+#[derive(Debug, thiserror::Error)]
+#[allow(missing_docs)] // the messages say it
+pub enum Mismatch {
+    #[error(
+        "it has no evaluation at {steps} steps, but run.json says that there is one at every multiple of \
+         {every} steps and at the end, {end}"
+    )]
+    Missing { steps: u64, every: u64, end: u64 },
+    #[error(
+        "final.json is of a run of {played} steps, but run.json says that it makes {end}; resume it until \
+         its end"
+    )]
+    OtherEnd { played: u64, end: u64 },
+    #[error("{which} has {found} {actions} episodes, but {expected} are played")]
+    Episodes { which: String, found: usize, actions: Choice, expected: usize },
+    #[error("final.json is of {played} steps, but the best evaluation is at {best}")]
+    NotTheBest { played: u64, best: u64 },
+    #[error(
+        "the evaluation at {steps} steps is of {found} trained steps in evaluations.csv, but of {expected} \
+         in {file}"
+    )]
+    TrainedSteps { steps: u64, found: u64, expected: u64, file: &'static str },
+    #[error("best.safetensors has other weights than the evaluation at {best} steps")]
+    OtherWeights { best: u64 },
+    #[error(
+        "{0}\nThe last bits of a network's outputs depend on the vector instructions of the CPU, and so can \
+         an episode: verify on a machine with the instructions of the one that trained. On such a machine, \
+         the weights or the numbers were changed"
+    )]
+    Played(Box<Difference>),
 }
 
 impl From<Interrupted> for VerifyError {
@@ -115,10 +119,6 @@ pub fn verify(
     interrupted: &mut dyn FnMut() -> bool,
 ) -> Result<Verification, VerifyError> {
     let mut verifier = Verifier::open(folder, threads)?;
-    let differs = |difference| {
-        let folder = folder.display().to_string();
-        VerifyError::Differs { folder, difference: Box::new(difference) }
-    };
     let mut verification = Verification::default();
     let (all, result) = (recorded(folder)?, FinalResult::read(folder)?);
     verifier.check_steps(&all, result.as_ref())?;
@@ -130,8 +130,7 @@ pub fn verify(
         let actor = verifier.run.read_actor(&EvaluationFiles::of(folder).weights(steps))?;
         let summaries = [row.greedy, row.sampled];
         let occasion = (Some(steps), Occasion::Training { steps });
-        let difference = verifier.compare(&actor, occasion, recorded, summaries, interrupted)?;
-        difference.map_or(Ok(()), |difference| Err(differs(difference)))?;
+        verifier.compare(&actor, occasion, recorded, summaries, interrupted)?;
         verification.evaluations += 1;
         verification.episodes += recorded.iter().map(Vec::len).sum::<usize>();
     }
@@ -142,8 +141,7 @@ pub fn verify(
         let recorded = [result.greedy_episodes, result.sampled_episodes];
         verifier.check_count("the final evaluation", &recorded, FINAL_EPISODES)?;
         let occasion = (None, Occasion::Final);
-        let difference = verifier.compare(&actor, occasion, &recorded, summaries, interrupted)?;
-        difference.map_or(Ok(()), |difference| Err(differs(difference)))?;
+        verifier.compare(&actor, occasion, &recorded, summaries, interrupted)?;
         verification.is_final = true;
         verification.episodes += recorded.iter().map(Vec::len).sum::<usize>();
     }
@@ -197,6 +195,10 @@ impl<'a> Verifier<'a> {
         Ok(Verifier { folder, run, evaluator })
     }
 
+    fn mismatch(&self, mismatch: Mismatch) -> VerifyError {
+        VerifyError::Mismatch { folder: self.folder.display().to_string(), mismatch }
+    }
+
     /// No evaluation was left out, as far as the run has come, and it has come to the end that it was to.
     fn check_steps(
         &self,
@@ -206,13 +208,12 @@ impl<'a> Verifier<'a> {
         let end = self.run.config.steps;
         let Some(every) = self.run.config.evaluate_every else { return Ok(()) };
         let steps = all.iter().map(|(row, _)| row.steps).collect();
-        let folder = || self.folder.display().to_string();
         if let Some(steps) = missing(&steps, every, end, result.is_some()) {
-            return Err(VerifyError::Missing { folder: folder(), steps, every, end });
+            return Err(self.mismatch(Mismatch::Missing { steps, every, end }));
         }
         match result {
             Some(result) if result.run_steps < end => {
-                Err(VerifyError::OtherEnd { folder: folder(), played: result.run_steps, end })
+                Err(self.mismatch(Mismatch::OtherEnd { played: result.run_steps, end }))
             }
             _ => Ok(()),
         }
@@ -240,8 +241,7 @@ impl<'a> Verifier<'a> {
             let (steps, found) = (row.steps, row.trained_steps);
             let other = of_log.into_iter().chain(of_result).find(|(_, expected)| *expected != found);
             if let Some((file, expected)) = other {
-                let folder = self.folder.display().to_string();
-                return Err(VerifyError::TrainedSteps { folder, steps, found, expected, file });
+                return Err(self.mismatch(Mismatch::TrainedSteps { steps, found, expected, file }));
             }
         }
         Ok(())
@@ -252,12 +252,11 @@ impl<'a> Verifier<'a> {
         let actor = self.run.read_actor(&self.folder.join(Weights::Best.file_name()))?;
         let of_rows = EvaluationRow::best(rows).map_or(result.steps, |best| best.steps);
         let kept = self.run.read_actor(&EvaluationFiles::of(self.folder).weights(of_rows))?;
-        let folder = || self.folder.display().to_string();
         if of_rows != result.steps {
-            return Err(VerifyError::NotTheBest { folder: folder(), played: result.steps, best: of_rows });
+            return Err(self.mismatch(Mismatch::NotTheBest { played: result.steps, best: of_rows }));
         }
         if actor != kept {
-            return Err(VerifyError::OtherWeights { folder: folder(), best: of_rows });
+            return Err(self.mismatch(Mismatch::OtherWeights { best: of_rows }));
         }
         Ok(actor)
     }
@@ -267,9 +266,8 @@ impl<'a> Verifier<'a> {
         let expected = on_each * self.run.map_count();
         let wrong = Choice::BOTH.into_iter().zip(recorded).find(|(_, episodes)| episodes.len() != expected);
         let Some((actions, episodes)) = wrong else { return Ok(()) };
-        let (folder, which) = (self.folder.display().to_string(), which.to_owned());
-        let found = episodes.len();
-        Err(VerifyError::Episodes { folder, which, found, actions, expected })
+        let (which, found) = (which.to_owned(), episodes.len());
+        Err(self.mismatch(Mismatch::Episodes { which, found, actions, expected }))
     }
 
     fn compare(
@@ -279,13 +277,14 @@ impl<'a> Verifier<'a> {
         recorded: &BothEpisodes,
         summaries: [Summary; 2],
         interrupted: &mut dyn FnMut() -> bool,
-    ) -> Result<Option<Difference>, Interrupted> {
+    ) -> Result<(), VerifyError> {
         for ((actions, recorded), summary) in Choice::BOTH.into_iter().zip(recorded).zip(summaries) {
             let of_map = recorded.len() / self.run.map_count();
             let played = self.evaluator.play(actor, occasion, actions, of_map, interrupted)?;
             let differs = recorded.iter().zip(&played).position(|(a, b)| !equal_bits(a, b));
             let difference = |episode, recorded: String, played: String| {
-                Ok(Some(Difference { steps, actions, episode, recorded, played }))
+                let difference = Difference { steps, actions, episode, recorded, played };
+                Err(self.mismatch(Mismatch::Played(Box::new(difference))))
             };
             if let Some(i) = differs {
                 return difference(Some(i), in_words(&recorded[i]), in_words(&played[i]));
@@ -294,7 +293,7 @@ impl<'a> Verifier<'a> {
                 return difference(None, format!("{summary:?}"), format!("{:?}", Summary::of(&played)));
             }
         }
-        Ok(None)
+        Ok(())
     }
 }
 

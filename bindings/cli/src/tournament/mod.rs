@@ -112,5 +112,5 @@ fn write(folder: &Path, result: &TournamentResult) -> CommandResult {
         ("tournament.json", json),
         ("tournament.md", report::markdown(result)),
     ];
-    write_files(folder, &files.map(|(name, text)| (name.to_owned(), text)))
+    write_files(folder, &files)
 }

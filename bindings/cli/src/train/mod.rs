@@ -203,28 +203,19 @@ enum Opened {
 }
 
 impl Train {
-    pub(super) fn run(self) -> CommandResult {
+    pub(super) fn run(mut self) -> CommandResult {
         let cores = std::thread::available_parallelism().map_or(1, |cores| cores.get());
         let threads = self.threads.unwrap_or(cores);
         let (json, steps) = (self.json, self.steps);
         let folder = self.resume.as_ref().or(self.out.as_ref()).cloned().unwrap_or_default();
         let interrupted = interrupt_flag_once()?;
         let stop = || interrupted.load(Ordering::Relaxed);
-        let opened = self.open(threads, &mut || stop())?;
-        progress::train(opened, steps, threads, json, &folder, &stop)
-    }
-
-    /// Begins or resumes what is trained.
-    fn open(
-        mut self,
-        threads: usize,
-        interrupted: &mut dyn FnMut() -> bool,
-    ) -> Result<Opened, Box<dyn Error>> {
         let runtime_dir = runtime_dir()?;
-        match self.resume.take() {
-            Some(folder) => self.resume(&folder, threads, &runtime_dir, interrupted),
-            None => self.begin(threads, &runtime_dir, interrupted),
-        }
+        let opened = match self.resume.take() {
+            Some(folder) => self.resume(&folder, threads, &runtime_dir, &mut || stop())?,
+            None => self.begin(threads, &runtime_dir, &mut || stop())?,
+        };
+        progress::train(opened, steps, threads, json, &folder, &stop)
     }
 
     fn resume(

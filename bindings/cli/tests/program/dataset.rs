@@ -1,8 +1,7 @@
 //! Datasets by the program: record, show, expand, export, errors.
 
-use crate::kit::{Place, SMALL, json, output, parsed, program, send_signal, wait_until_caught};
+use crate::kit::{Place, SMALL, json, output, parsed, send_signal, spawn, wait_until_caught};
 use rustix::process::Signal;
-use std::process::Stdio;
 
 #[test]
 fn a_script_is_recorded_described_and_expanded() {
@@ -87,8 +86,7 @@ fn an_interruption_leaves_no_files() {
         "dataset record random --scenario 27m_vs_30m --episodes 100000000 --threads 1 --out b.smdata",
         "dataset expand a.smdata --threads 1 --out arrays",
     ] {
-        let child = program(folder, command).stderr(Stdio::piped()).stdout(Stdio::null()).spawn();
-        let child = child.expect("the program starts");
+        let child = spawn(folder, command);
         wait_until_caught(&child);
         send_signal(&child, Signal::INT);
         let done = child.wait_with_output().expect("it ends");

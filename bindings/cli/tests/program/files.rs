@@ -1,6 +1,6 @@
 //! Scenario and unit files by the program: new, check, schema, serve.
 
-use crate::kit::{Place, error, json, output, run};
+use crate::kit::{Place, error, json, json_lines, output, run, warnings};
 use serde_json::{Value, json};
 use smaclite_scenarios::{Scenario, Terrain};
 use std::fs;
@@ -10,15 +10,9 @@ fn invalid_files() -> Place {
     let folder = Place::new();
     output(&folder, "new unit sniper.json --like STALKER");
     output(&folder, "new scenario duel.json --agents 2xsniper --enemies 3xZEALOT,1xMEDIVAC");
-    let change = |file: &str, from: &str, to: &str| {
-        let file = folder.join(file);
-        let text = fs::read_to_string(&file).expect("a file");
-        assert!(text.contains(from), "{text}");
-        fs::write(file, text.replacen(from, to, 1)).expect("a file");
-    };
-    change("sniper.json", "\"hp\": 80", "\"hp\": 0");
-    change("sniper.json", "\"speed\"", "\"sped\"");
-    change("duel.json", "\"MEDIVAC\": 1", "\"MEDIVAK\": 1");
+    folder.change("sniper.json", |text| text.replace("\"hp\": 80", "\"hp\": 0"));
+    folder.change("sniper.json", |text| text.replace("\"speed\"", "\"sped\""));
+    folder.change("duel.json", |text| text.replace("\"MEDIVAC\": 1", "\"MEDIVAK\": 1"));
     folder
 }
 
@@ -57,7 +51,7 @@ fn check_prints_json() {
     let done = run(folder, "check --json valid.json sniper.json broken.json absent.json");
     assert_eq!(done.status.code(), Some(1));
     let printed = String::from_utf8(done.stdout).expect("text");
-    let lines: Vec<Value> = printed.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
+    let lines = json_lines(&printed);
     let problem = |file, position: Option<(u32, u32)>, path, message| {
         let (line, column) = position.unzip();
         json!({ "file": file, "line": line, "column": column, "path": path, "message": message })
@@ -95,16 +89,12 @@ fn check_prints_json() {
 fn check_warns_of_what_is_probably_a_mistake() {
     let folder = &Place::new();
     output(folder, "new scenario wall.json");
-    let file = folder.join("wall.json");
-    let text = fs::read_to_string(&file).expect("the file");
-    let text = text.replace("\"x\": 9, \"y\": 16", "\"x\": 9, \"y\": 28"); // in the wall of the north
-    fs::write(&file, text).expect("a file");
+    // In the wall of the north.
+    folder.change("wall.json", |text| text.replace("\"x\": 9, \"y\": 16", "\"x\": 9, \"y\": 28"));
     let expected = "warning: `groups[0]` puts a MARINE at (";
     for command in ["check wall.json", "record wall.json --out a.smreplay"] {
-        let done = run(folder, command);
-        let message = String::from_utf8_lossy(&done.stderr).into_owned();
-        assert!(done.status.success() && message.contains(expected), "{command}: {message}");
-        assert!(message.starts_with("wall.json:"), "{command}: {message}");
+        let message = warnings(folder, command);
+        assert!(message.starts_with("wall.json:") && message.contains(expected), "{command}: {message}");
     }
     let printed: Value = json(folder, "check wall.json --json");
     assert_eq!((&printed["valid"], &printed["warnings"][0]["path"]), (&json!(true), &json!("groups[0]")));

@@ -1,5 +1,6 @@
 //! Runs the program and checks what it prints.
 
+use rustix::fs::{CWD, FileType, Mode, mknodat};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 use smaclite_ipc::RuntimeDir;
@@ -55,6 +56,14 @@ impl Place {
 
     pub fn write(&self, name: &str, content: impl AsRef<[u8]>) {
         fs::write(self.join(name), content).unwrap_or_else(|error| panic!("{name}: {error}"));
+    }
+
+    /// Replaces a text by what becomes of it, which differs.
+    pub fn change(&self, name: &str, change: impl FnOnce(&str) -> String) {
+        let (before, path) = (self.read(name), self.join(name));
+        let after = change(&before);
+        assert_ne!(before, after, "{}", path.display());
+        fs::write(path, after).expect("a file");
     }
 
     /// The names of what is in a folder, sorted.
@@ -157,13 +166,42 @@ pub fn error(folder: &Path, arguments: &str, status: i32) -> String {
     message
 }
 
+/// Runs a command that succeeds; returns what it said on standard error.
+pub fn warnings(folder: &Path, arguments: &str) -> String {
+    let done = run(folder, arguments);
+    assert!(done.status.success(), "{arguments}: {done:?}");
+    String::from_utf8(done.stderr).expect("text")
+}
+
+/// Starts a command whose output is read at its end.
+pub fn spawn(folder: &Path, arguments: &str) -> Child {
+    let mut command = program(folder, arguments);
+    command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the program starts")
+}
+
 /// Runs a command that succeeds; returns what it printed, which is JSON.
 pub fn json(folder: &Path, arguments: &str) -> Value {
     parsed(&output(folder, arguments))
 }
 
+/// The lines of a text, which are JSON.
+pub fn json_lines(text: &str) -> Vec<Value> {
+    text.lines().map(parsed).collect()
+}
+
+/// A table of evaluations whose last one has another greedy mean return.
+pub fn with_other_return(rows: &str) -> String {
+    let last = rows.lines().last().expect("a row");
+    let fields: Vec<&str> = last.split(',').collect();
+    rows.replace(last, &[&fields[..4], &["21"], &fields[5..]].concat().join(","))
+}
+
 pub fn parsed(text: &str) -> Value {
     serde_json::from_str(text).unwrap_or_else(|error| panic!("{error}: {text}"))
+}
+
+pub fn make_pipe(path: &Path) {
+    mknodat(CWD, path, FileType::Fifo, Mode::RWXU, 0).expect("a pipe");
 }
 
 pub fn send_signal(child: &Child, signal: Signal) {

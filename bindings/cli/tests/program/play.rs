@@ -1,12 +1,11 @@
 //! `smaclite-pool play`: what cannot be played, and a step over the WebSocket.
 
-use crate::kit::{PATIENCE, Place, Program, program};
+use crate::kit::{PATIENCE, Place, Program, spawn};
 use crate::page_kit::Url;
 use serde_json::{Value, json};
 use std::fs::{self, Permissions};
 use std::io::{BufReader, Read};
 use std::os::unix::fs::PermissionsExt;
-use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 #[test]
@@ -74,9 +73,7 @@ fn a_browser_gets_a_file_that_leads_to_the_page() {
 #[test]
 fn without_a_browser_the_url_can_be_opened() {
     let place = &Place::new();
-    let mut started = program(place, "play 3m --open");
-    let mut child =
-        started.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the program starts");
+    let mut child = spawn(place, "play 3m --open");
     let mut messages = child.stderr.take().expect("a pipe");
     let mut play = Program { output: BufReader::new(child.stdout.take().expect("a pipe")), child };
     let (status, _) = Url::new(play.line().trim_end()).page();

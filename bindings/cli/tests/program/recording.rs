@@ -1,6 +1,6 @@
 //! Recording and watching battles by the program: record, replay, show.
 
-use crate::kit::{Place, output};
+use crate::kit::{Place, make_pipe, output};
 use std::fs;
 use std::path::Path;
 
@@ -48,14 +48,7 @@ fn a_recording_is_reproduced() {
 #[test]
 fn a_pipe_is_no_replay() {
     let folder = &Place::new();
-    rustix::fs::mknodat(
-        rustix::fs::CWD,
-        folder.join("pipe"),
-        rustix::fs::FileType::Fifo,
-        rustix::fs::Mode::RUSR,
-        0,
-    )
-    .expect("a pipe");
+    make_pipe(&folder.join("pipe"));
     folder.fails("replay pipe", 1, "it is not a regular file");
 }
 

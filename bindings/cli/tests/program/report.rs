@@ -76,10 +76,9 @@ fn seeds_that_were_added_to_a_longer_run_are_reported_with_it() {
 fn an_evaluation_that_was_left_out_is_missed() {
     let folder = &Place::new();
     output(folder, &format!("train 3m --out run {SMALL}"));
-    let path = folder.join("run/evaluations.csv");
-    let rows = fs::read_to_string(&path).expect("evaluations");
-    let kept: Vec<&str> = rows.lines().filter(|row| !row.starts_with("300,")).collect();
-    fs::write(&path, kept.join("\n") + "\n").expect("a file");
+    folder.change("run/evaluations.csv", |rows| {
+        rows.split_inclusive('\n').filter(|row| !row.starts_with("300,")).collect()
+    });
     folder.fails("report run --out report", 1, "it has no evaluation at 300 steps, but run.json says");
 }
 
@@ -89,10 +88,9 @@ fn who_was_not_measured_is_not_who_never_won() {
     let folder = &Place::new();
     output(folder, &format!("train 3m --seeds 3 --out runs {SMALL}"));
     for seed in 0..3 {
-        let run = folder.join(format!("runs/seed-{seed}"));
-        fs::remove_file(run.join("run.json")).expect("a description");
+        fs::remove_file(folder.join(format!("runs/seed-{seed}/run.json"))).expect("a description");
         let options = format!("{{\"scenario\": \"3m\", \"seed\": {seed}}}");
-        fs::write(run.join("options.json"), options).expect("a description");
+        folder.write(&format!("runs/seed-{seed}/options.json"), options);
     }
     let cells = |printed: &str, actions: &str| -> Vec<String> {
         let of_task = |line: &&str| line.starts_with("3m ") && line.contains(actions);

@@ -1,12 +1,14 @@
 //! What ends a training from outside, and files of runs that are not those that it wrote: signals, pipes,
 //! parts of files, damaged values, and names of teams.
 
-use crate::kit::{Place, SMALL, error, output, program, run, send_signal, wait_until, wait_until_caught};
+use crate::kit::{
+    Place, SMALL, error, json_lines, make_pipe, output, program, send_signal, spawn, wait_until,
+    wait_until_caught, warnings,
+};
 use rustix::process::Signal;
 use serde_json::{Value, json};
 use signal_hook::consts::SIGHUP;
 use std::fs;
-use std::process::Stdio;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -26,8 +28,7 @@ fn an_interrupted_command_has_the_exit_status_of_its_signal() {
         "bench 3m --seconds 1000".to_owned(),
     ];
     for (command, signal) in endless.iter().zip([Signal::INT, Signal::TERM].into_iter().cycle()) {
-        let mut started = program(folder, &format!("{command} --threads 1"));
-        let child = started.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().expect("the program starts");
+        let child = spawn(folder, &format!("{command} --threads 1"));
         wait_until_caught(&child);
         std::thread::sleep(Duration::from_millis(300)); // into its work
         send_signal(&child, signal);
@@ -49,8 +50,7 @@ fn files_of_a_run_that_are_pipes_are_refused() {
     for name in ["run.json", "weights.safetensors", "checkpoint.safetensors", "log.csv", "evaluations.csv"] {
         let (path, kept) = (folder.join("run").join(name), folder.join("kept"));
         fs::rename(&path, &kept).expect("a file of a run");
-        let (fifo, mode) = (rustix::fs::FileType::Fifo, rustix::fs::Mode::RWXU);
-        rustix::fs::mknodat(rustix::fs::CWD, &path, fifo, mode, 0).expect("a pipe");
+        make_pipe(&path);
         folder.fails("train --resume run --steps 900", 1, "is not a regular file");
         fs::rename(&kept, &path).expect("a file of a run");
     }
@@ -130,12 +130,8 @@ fn a_team_of_weighted_maps_is_adapted_to_one_and_exploited() {
 fn battles_of_a_pool_without_a_limit_end_where_they_are_evaluated() {
     let folder = &Place::new();
     let mut pool = folder.serve("3m:8 --episode-limit none --name endless --threads 1");
-    let printed =
-        program(folder, "train --pool endless --steps 1e2 --evaluate-every 100 --horizon 16 --out run")
-            .output()
-            .expect("the program starts");
-    assert!(printed.status.success(), "{printed:?}");
-    let warning = String::from_utf8_lossy(&printed.stderr);
+    let train = "train --pool endless --steps 1e2 --evaluate-every 100 --horizon 16 --out run";
+    let warning = warnings(folder, train);
     assert!(warning.contains("does not serve the field `snapshot`"), "{warning}");
     pool.kill();
     output(folder, "tournament run hold --episodes 2 --threads 1");
@@ -150,8 +146,7 @@ fn damaged_best_weights_are_written_anew() {
     output(folder, &format!("train 3m --steps 600 --evaluate-every 300 --out run {SMALL}"));
     let best = folder.join("run/best.safetensors");
     let played = output(folder, "evaluate run --episodes 8 --json");
-    let damaged = fs::read(&best).expect("the best weights")[..60].to_owned();
-    fs::write(&best, damaged).expect("a damaged file");
+    folder.write("run/best.safetensors", &folder.bytes("run/best.safetensors")[..60]);
     output(folder, "train --resume run --steps 600");
     assert_eq!(output(folder, "evaluate run --episodes 8 --json"), played);
     assert!(folder.join("run/final.json").exists());
@@ -171,8 +166,7 @@ fn an_interrupted_conversion_leaves_nothing() {
     let folder = &Place::new();
     output(folder, "record 25m --policy hold --episodes 1 --out a.smreplay");
     for (to, catches) in [("pictures", true), ("a.gif", false)] {
-        let mut convert = program(folder, &format!("replay a.smreplay --to {to} --size 2000x2000"));
-        let child = convert.stderr(Stdio::piped()).spawn().expect("the program starts");
+        let child = spawn(folder, &format!("replay a.smreplay --to {to} --size 2000x2000"));
         if catches {
             wait_until_caught(&child);
         }
@@ -188,17 +182,14 @@ fn an_interrupted_conversion_leaves_nothing() {
 #[test]
 fn a_recording_that_is_not_complete_says_so_and_one_that_is_asked_for_is_written() {
     let folder = &Place::new();
-    let mut closed = program(folder, "evaluate zoo:3m --json --episodes 500 --record a.smreplay --threads 1");
-    let mut child = closed.stdout(Stdio::piped()).spawn().expect("the program starts");
+    let mut child = spawn(folder, "evaluate zoo:3m --json --episodes 500 --record a.smreplay --threads 1");
     drop(child.stdout.take());
     child.wait().expect("an end");
     output(folder, "replay a.smreplay --to a.html");
 
     let mut pool = folder.serve("3m:4 --name brief --threads 1");
-    let mut learner = program(folder, "train --pool brief --steps 1e8 --horizon 16 --out run");
-    let mut learner = learner.stdout(Stdio::null()).stderr(Stdio::null()).spawn().expect("a learner");
-    let mut record = program(folder, "record --pool brief --episodes 10000 --out b.smreplay");
-    let record = record.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("a recorder");
+    let mut learner = spawn(folder, "train --pool brief --steps 1e8 --horizon 16 --out run");
+    let record = spawn(folder, "record --pool brief --episodes 10000 --out b.smreplay");
     wait_until_caught(&record);
     std::thread::sleep(Duration::from_millis(1000)); // some episodes
     pool.kill();
@@ -218,9 +209,8 @@ fn a_recording_that_is_not_complete_says_so_and_one_that_is_asked_for_is_written
 fn a_log_that_no_terminal_shows_has_no_colours() {
     let folder = &Place::new();
     let train = format!("--log info train 3m --steps 1e2 --out run {SMALL}");
-    let done = program(folder, &train).output().expect("the program starts");
-    let log = String::from_utf8_lossy(&done.stderr);
-    assert!(done.status.success() && log.contains("INFO") && !log.contains('\u{1b}'), "{log}");
+    let log = warnings(folder, &train);
+    assert!(log.contains("INFO") && !log.contains('\u{1b}'), "{log}");
 }
 
 /// `exploit --out`, which needs no temporary folder, made one and failed where it could not.
@@ -300,8 +290,7 @@ fn a_team_meets_the_enemies_of_its_map() {
     let of = |map: &str, options: &str| {
         let evaluate = format!("evaluate zoo:all-maps --map {map} --episodes 1 --json{options}");
         let printed = output(folder, &evaluate);
-        let result: Value = serde_json::from_str(printed.lines().last().expect("a result")).expect("JSON");
-        result["opponents"].clone()
+        json_lines(&printed).pop().expect("a result")["opponents"].clone()
     };
     assert_eq!(of("protoss_5_vs_5", ""), json!({"attack_nearest": 1.0}), "as in its training");
     assert_eq!(of("3m", ""), json!({"attack_move": 1.0}));
@@ -320,11 +309,10 @@ fn a_team_meets_the_enemies_of_its_map() {
 fn a_team_of_other_rules_is_warned_of() {
     let folder = &Place::new();
     output(folder, &format!("train 3m --steps 1e2 --rules starcraft --out run {SMALL}"));
-    let done = run(folder, "evaluate zoo:3m --opponent run --episodes 2");
     let expected = "the team `run` was trained with rules starcraft-1, and the battles have rules smaclite";
-    assert!(done.status.success() && String::from_utf8_lossy(&done.stderr).contains(expected), "{done:?}");
-    let done = run(folder, "evaluate run --opponent run --episodes 2");
-    assert!(done.status.success() && done.stderr.is_empty(), "{done:?}");
+    let warning = warnings(folder, "evaluate zoo:3m --opponent run --episodes 2");
+    assert!(warning.contains(expected), "{warning}");
+    assert_eq!(warnings(folder, "evaluate run --opponent run --episodes 2"), "");
 }
 
 #[test]
@@ -341,10 +329,9 @@ fn a_run_with_snapshots_is_resumed_on_a_pool_without_them() {
     output(folder, &format!("train 3m --steps 256 --last-actions 0 --out own {SMALL}"));
     let _pool = folder.serve("3m:8 --name bare --threads 1");
     let resume = "train --resume own --steps 512 --pool bare --threads 1";
-    let done = run(folder, resume);
-    let message = String::from_utf8_lossy(&done.stderr).into_owned();
+    let message = warnings(folder, resume);
     let warning = "pool `bare` does not serve the field `snapshot`: where the run is resumed, environments";
-    assert!(done.status.success() && message.contains(warning), "{message}");
+    assert!(message.contains(warning), "{message}");
     // What refuses the run comes first: it needs no advice then.
     output(folder, &format!("train 3m --steps 256 --last-actions 2 --out other {SMALL}"));
     let message = error(folder, "train --resume other --steps 512 --pool bare --threads 1", 1);
@@ -372,7 +359,7 @@ fn teams_that_destroy_each_other_do_not_win() {
     let rates = log.lines().skip(1).filter_map(|row| row.split(',').nth(column.expect("a column")));
     assert!(rates.filter(|rate| !rate.is_empty()).all(|rate| rate == "0"), "{log}");
     let played = output(folder, "evaluate run --opponent run --episodes 10 --json");
-    let played: Value = serde_json::from_str(played.lines().last().expect("a result")).expect("JSON");
+    let played = json_lines(&played).pop().expect("a result");
     assert!(played["mean_return"].as_f64() > Some(10.0) && played["win_rate"] == 0.0, "{played}");
 }
 
@@ -392,8 +379,7 @@ fn a_closed_terminal_ends_a_pool_cleanly() {
 #[test]
 fn the_pool_of_a_killed_benchmark_ends() {
     let folder = &Place::new();
-    let mut bench = program(folder, "bench 3m --mode attached --seconds 1000 --threads 1");
-    let mut bench = bench.stdout(Stdio::null()).spawn().expect("the program starts");
+    let mut bench = spawn(folder, "bench 3m --mode attached --seconds 1000 --threads 1");
     let has_pool = || output(folder, "list").contains("bench-");
     wait_until(has_pool);
     bench.kill().expect("a signal");

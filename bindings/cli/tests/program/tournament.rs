@@ -3,7 +3,7 @@
 use crate::kit::{Place, SMALL, json, output, parsed, program};
 use serde_json::Value;
 use std::fs;
-use std::process::Stdio;
+use std::process::{Command, Stdio};
 
 const SCRIPTS: &str = "tournament attack_move nearest focus_fire --scenario 3m --episodes 40 --seed 1";
 
@@ -71,6 +71,25 @@ fn an_output_that_is_closed_or_full_loses_no_files() {
             assert!(files(&out) == files(&format!("{name}-read")), "{out}");
         }
     }
+}
+
+/// A full disk left some of the new files among the old ones.
+#[test]
+fn a_full_disk_leaves_the_old_files() {
+    let folder = &Place::new();
+    output(folder, &format!("{SCRIPTS} --out t"));
+    let files = || folder.names_in("t").into_iter().map(|name| folder.read(&format!("t/{name}")));
+    let before: Vec<String> = files().collect();
+    // The CSV file fits into what files may grow to, and the picture does not.
+    let limited = format!(
+        "ulimit -f 4; trap '' XFSZ; exec {} {} --out t",
+        env!("CARGO_BIN_EXE_smaclite-pool"),
+        SCRIPTS.replace("--seed 1", "--seed 2")
+    );
+    let done = Command::new("sh").args(["-c", &limited]).current_dir(folder.as_os_str()).output();
+    let message = String::from_utf8(done.expect("a shell").stderr).expect("text");
+    assert!(message.contains("t/matrix.svg: File too large"), "{message}");
+    assert!(files().eq(before));
 }
 
 #[test]

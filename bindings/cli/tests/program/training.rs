@@ -1,17 +1,15 @@
 //! Training and evaluation by the program: train, evaluate, resume, Ctrl-C.
 
-use crate::kit::{PATIENCE, Place, SMALL, output, parsed, program, run, send_signal, wait_until};
+use crate::kit::{
+    PATIENCE, Place, SMALL, json_lines, output, parsed, run, send_signal, spawn, wait_until,
+    with_other_return,
+};
 use rustix::process::Signal;
 use serde_json::Value;
 use smaclite_learn::{STATE_CRITIC_AGENTS, TEAM_ENTROPY};
 use std::fs;
 use std::io::{BufRead, BufReader};
-use std::process::Stdio;
 use std::time::Duration;
-
-fn json_lines(text: &str) -> Vec<Value> {
-    text.lines().map(|line| serde_json::from_str(line).expect("a JSON object")).collect()
-}
 
 #[test]
 fn a_team_is_trained_resumed_and_evaluated() {
@@ -119,8 +117,7 @@ fn opponents_that_do_not_exist_or_fit_are_refused() {
 #[test]
 fn ctrl_c_writes_a_checkpoint() {
     let folder = &Place::new();
-    let mut command = program(folder, &format!("train 3m --steps 100000000 --out run {SMALL}"));
-    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the program starts");
+    let child = spawn(folder, &format!("train 3m --steps 100000000 --out run {SMALL}"));
     let log = folder.join("run/log.csv");
     wait_until(|| fs::read_to_string(&log).is_ok_and(|log| log.lines().count() > 3));
     folder.fails("train --resume run", 1, "another process trains in `run`; wait until it ends");
@@ -141,11 +138,7 @@ fn ctrl_c_writes_a_checkpoint() {
 fn an_output_that_is_closed_loses_no_training() {
     let folder = &Place::new();
     let arguments = format!("train 3m --steps 1e8 --evaluate-every 2k --out run {SMALL}");
-    let mut child = program(folder, &arguments)
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("the program starts");
+    let mut child = spawn(folder, &arguments);
     // The next line of an update comes five seconds after the first, so that of an evaluation fails.
     let mut printed = BufReader::new(child.stdout.take().expect("a pipe")).lines();
     let lines = [(); 2].map(|()| printed.next().expect("a line").expect("text"));
@@ -170,15 +163,13 @@ fn a_killed_run_has_the_evaluations_of_the_uninterrupted_one() {
     let folder = &Place::new();
     let train = |out: &str| format!("train 3m --steps 40k --evaluate-every 1k --seed 1 --out {out} {SMALL}");
     output(folder, &train("whole"));
-    let mut command = program(folder, &train("killed"));
-    let mut child = command.stdout(Stdio::null()).spawn().expect("the program starts");
+    let mut child = spawn(folder, &train("killed"));
     let rows = folder.join("killed/evaluations.csv");
     wait_until(|| fs::read_to_string(&rows).is_ok_and(|rows| rows.lines().count() > 3));
     child.kill().expect("a signal"); // SIGKILL
     child.wait().expect("an end");
     assert!(!folder.join("killed/final.json").exists(), "it was to be killed before its end");
-    let text = fs::read_to_string(&rows).expect("rows");
-    fs::write(&rows, text + "7000,70").expect("half a row");
+    folder.change("killed/evaluations.csv", |rows| rows.to_owned() + "7000,70"); // half a row
     output(folder, "train --resume killed");
     let read = |run: &str, name: &str| folder.bytes(&format!("{run}/{name}"));
     for name in ["weights.safetensors", "best.safetensors", "evaluation_episodes.csv"] {
@@ -189,11 +180,7 @@ fn a_killed_run_has_the_evaluations_of_the_uninterrupted_one() {
                     every return, length and win is equal\n";
     assert!(verified.starts_with(expected) && verified.lines().count() == 2, "{verified}");
 
-    let text = fs::read_to_string(&rows).expect("rows");
-    let last = text.lines().last().expect("a row");
-    let fields: Vec<&str> = last.split(',').collect();
-    let changed = [&fields[..4], &["21"], &fields[5..]].concat().join(","); // greedy_mean_return
-    fs::write(&rows, text.replace(last, &changed)).expect("rows");
+    folder.change("killed/evaluations.csv", with_other_return);
     let expected = "`killed` is not verified: the evaluation at 40000 steps, greedy means: recorded Summary";
     folder.fails("verify-run whole killed", 1, expected);
     folder.fails("verify-run nowhere", 1, "`nowhere` is not the folder of a run");
@@ -265,9 +252,7 @@ fn ctrl_c_ends_an_update() {
     let folder = &Place::new();
     // Several seconds per update, in which the log stays empty.
     let large = "--num-envs 64 --horizon 256 --epochs 100 --hidden 512,512 --threads 1 --seed 1";
-    let mut command = program(folder, &format!("train 3m --steps 100000000 --out run {large}"));
-    let mut child =
-        command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the program starts");
+    let mut child = spawn(folder, &format!("train 3m --steps 100000000 --out run {large}"));
     let run = folder.join("run/run.json");
     wait_until(|| run.exists());
     std::thread::sleep(Duration::from_secs(2)); // the rollout takes a part of a second

@@ -1,13 +1,12 @@
 //! The page of a running pool, as a browser's requests see it: who gets it, what it is sent, and that nothing
 //! that a page sends harms the program or the pool.
 
-use crate::kit::{PATIENCE, Place, Program, program, run};
+use crate::kit::{PATIENCE, Place, Program, run, spawn};
 use crate::page_kit::{Url, VERSION, Watched, watch};
 use serde_json::{Value, json};
 use smaclite_ipc::{Client, Spectator, WaitOptions, status};
 use std::io::{BufRead, BufReader, Write};
 use std::net::TcpStream;
-use std::process::Stdio;
 use std::time::{Duration, Instant};
 use tungstenite::Message;
 
@@ -86,9 +85,7 @@ fn the_page_is_for_those_who_know_the_token() {
 fn a_warning_says_that_other_machines_can_connect() {
     let place = &Place::new();
     let _pool = place.serve("3m:2 --name train");
-    let mut command = program(place, "watch train --host 0.0.0.0");
-    let mut child =
-        command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the program starts");
+    let mut child = spawn(place, "watch train --host 0.0.0.0");
     let mut errors = BufReader::new(child.stderr.take().expect("a pipe"));
     let output = BufReader::new(child.stdout.take().expect("a pipe"));
     let mut program = Program { child, output };

@@ -1,14 +1,13 @@
 //! Teams of the zoo: listed, and played by name.
 
-use crate::kit::{Place, output};
+use crate::kit::{Place, json_lines, output};
 use serde_json::Value;
 
 #[test]
 fn teams_of_the_zoo_play_by_name() {
     let folder = &Place::new();
     let listed = output(folder, "zoo --json");
-    let cards: Vec<Value> =
-        listed.lines().map(|line| serde_json::from_str(line).expect("a JSON object")).collect();
+    let cards = json_lines(&listed);
     let wins = |result: &Value| result["greedy"]["win_rate"].as_f64() >= Some(0.9);
     let (of_all, of_one): (Vec<&Value>, Vec<&Value>) =
         cards.iter().partition(|card| card["scenario"] == "all-maps");

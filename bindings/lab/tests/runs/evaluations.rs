@@ -1,8 +1,9 @@
 //! Evaluations of runs while they train: they change no bit of the training, an interrupted run has the same
 //! ones, what was recorded can be verified, and the best weights are those that play.
 
+use crate::foreign::{with_field, with_value};
 use crate::kit::{Place, check_resumed, complete, evaluated, evaluation, scenario, small};
-use serde_json::{Value, json};
+use serde_json::json;
 use smaclite_engine::Rules;
 use smaclite_lab::{Benchmark, verify};
 use smaclite_learn::{
@@ -95,10 +96,7 @@ fn recorded_evaluations_are_played_again_to_the_bit() {
 
     let episodes = path.join("evaluation_episodes.csv");
     let text = fs::read_to_string(&episodes).unwrap();
-    let line = text.lines().find(|line| line.starts_with("800,sampled,7,")).unwrap();
-    let fields: Vec<&str> = line.split(',').collect();
-    let longer = [&fields[..4], &["61", fields[5]]].concat().join(",");
-    fs::write(&episodes, text.replace(line, &longer)).unwrap();
+    fs::write(&episodes, with_field("800,sampled,7,", 4, "61")(&text)).unwrap();
     let error = verify(&path, usize::MAX, 1, &mut || false).unwrap_err().to_string();
     assert!(error.contains("evaluation at 800 steps, sampled episode 7: recorded return"), "{error}");
     assert!(error.contains("61 steps") && error.contains("vector instructions"), "{error}");
@@ -122,16 +120,21 @@ fn recorded_evaluations_are_played_again_to_the_bit() {
     assert!(error.contains("has no evaluations, as its training made none"), "{error}");
 }
 
-/// Lets a change to a file of a run be verified, and returns the error.
-fn error_after(path: &Path, file: &str, change: impl Fn(Vec<u8>) -> Vec<u8>) -> String {
+/// A text without the lines that begin so.
+fn without(start: &str) -> impl Fn(&str) -> String {
+    move |text| text.split_inclusive('\n').filter(|line| !line.starts_with(start)).collect()
+}
+
+/// Lets a change to a file of a run be verified, and compares the error.
+fn check_change(path: &Path, file: &str, change: impl Fn(Vec<u8>) -> Vec<u8>, expected: &str) {
     let file = path.join(file);
     let before = fs::read(&file).unwrap();
     let after = change(before.clone());
     assert_ne!(before, after, "the change must change {}", file.display());
     fs::write(&file, after).unwrap();
     let error = verify(path, usize::MAX, 1, &mut || false).unwrap_err().to_string();
+    assert!(error.contains(expected), "{error}");
     fs::write(&file, before).unwrap();
-    error
 }
 
 /// Numbers, weights, episodes that were left out, and weights that were chosen by their final episodes.
@@ -140,58 +143,24 @@ fn every_change_to_the_results_is_found() {
     let place = Place::new();
     place.train("run", &evaluated(), 1);
     let path = place.path("run");
-    let text = |change: fn(&str) -> String| {
-        move |bytes: Vec<u8>| change(&String::from_utf8(bytes).unwrap()).into_bytes()
-    };
-    let check = |error: String, expected: &str| assert!(error.contains(expected), "{error}");
-
-    let log = "the evaluation at 400 steps is of 401 trained steps in evaluations.csv, but of";
-    for (column, value, expected) in [
-        ("sampled_mean_return", "19.5", "the evaluation at 400 steps, sampled means"),
-        ("trained_steps", "401", log),
-        ("updates", "1", "in evaluations.csv, but of 1"), // of the log's first line
-    ] {
-        let other_value = |bytes: Vec<u8>| {
-            let rows = String::from_utf8(bytes).unwrap();
-            let line = rows.lines().find(|line| line.starts_with("400,")).unwrap();
-            let mut fields: Vec<&str> = line.split(',').collect();
-            fields[EvaluationRow::COLUMNS.iter().position(|name| *name == column).unwrap()] = value;
-            rows.replace(line, &fields.join(",")).into_bytes()
-        };
-        check(error_after(&path, "evaluations.csv", other_value), expected);
-    }
-    let no_row = text(|rows| rows.replacen("\n400,", "\nmany,", 1));
-    check(error_after(&path, "evaluations.csv", no_row), "line 3 is `many,");
-    for steps in ["0", "400", "930"] {
-        let without_row = |bytes: Vec<u8>| {
-            let rows = String::from_utf8(bytes).unwrap();
-            let stays = |line: &&str| !line.starts_with(&format!("{steps},"));
-            let rest: String = rows.lines().filter(stays).map(|line| line.to_owned() + "\n").collect();
-            rest.into_bytes()
-        };
-        let error = error_after(&path, "evaluations.csv", without_row);
-        check(error, &format!("it has no evaluation at {steps} steps, but run.json says"));
-    }
-    let other_columns = text(|rows| rows.replacen("steps,", "step,", 1));
-    check(error_after(&path, "evaluations.csv", other_columns), "its first line is `step,trained_steps");
-    let without_one = text(|rows| {
-        let stays = |line: &&str| !line.starts_with("400,greedy,31,");
-        rows.lines().filter(stays).map(|line| line.to_owned() + "\n").collect()
-    });
-    let error = error_after(&path, "evaluation_episodes.csv", without_one);
-    check(error, "the evaluation at 400 steps has 31 greedy episodes, but 32 are played");
-
-    let one_weight = |mut bytes: Vec<u8>| {
-        *bytes.last_mut().unwrap() ^= 1;
-        bytes
-    };
-    let error = error_after(&path, "evaluations/000000000400.safetensors", one_weight);
-    check(error, "000000000400.safetensors` is damaged or not a file of a run: its checksum differs");
     let result = FinalResult::read(&path).unwrap().unwrap();
-    let other = if result.steps == 0 { "000000000400" } else { "000000000000" };
-    let of_other = fs::read(path.join(format!("evaluations/{other}.safetensors"))).unwrap();
-    let error = error_after(&path, "best.safetensors", |_| of_other.clone());
-    check(error, "best.safetensors has other weights than the evaluation at");
+    let check = |file: &str, change: &dyn Fn(&str) -> String, expected: &str| {
+        let change = |bytes: Vec<u8>| change(&String::from_utf8(bytes).unwrap()).into_bytes();
+        check_change(&path, file, change, expected);
+    };
+    let rows = "evaluations.csv";
+    check(rows, &with_field("400,", 7, "19.5"), "the evaluation at 400 steps, sampled means");
+    let of_log = "the evaluation at 400 steps is of 401 trained steps in evaluations.csv, but of";
+    check(rows, &with_field("400,", 1, "401"), of_log);
+    check(rows, &with_field("400,", 2, "1"), "in evaluations.csv, but of 1"); // of the log's first line
+    check(rows, &with_field("400,", 0, "many"), "line 3 is `many,");
+    check(rows, &with_field("steps,", 0, "step"), "its first line is `step,trained_steps");
+    for steps in ["0", "400", "930"] {
+        let expected = format!("it has no evaluation at {steps} steps, but run.json says");
+        check(rows, &without(&format!("{steps},")), &expected);
+    }
+    let few = "the evaluation at 400 steps has 31 greedy episodes, but 32 are played";
+    check("evaluation_episodes.csv", &without("400,greedy,31,"), few);
     let won = result.sampled_episodes[319].won;
     for (pointer, value, expected) in [
         ("/steps", json!(1), "final.json is of 1 steps, but the best evaluation is at"),
@@ -199,13 +168,18 @@ fn every_change_to_the_results_is_found() {
         ("/sampled_episodes/319/won", json!(!won), "the final evaluation, sampled episode 319"),
         ("/run_steps", json!(800), "final.json is of a run of 800 steps, but run.json says"),
     ] {
-        let other_value = |bytes: Vec<u8>| {
-            let mut result: Value = serde_json::from_slice(&bytes).unwrap();
-            *result.pointer_mut(pointer).unwrap() = value.clone();
-            result.to_string().into_bytes()
-        };
-        check(error_after(&path, "final.json", other_value), expected);
+        check("final.json", &with_value(pointer, value), expected);
     }
+    let one_weight = |mut bytes: Vec<u8>| {
+        *bytes.last_mut().unwrap() ^= 1;
+        bytes
+    };
+    let damaged = "000000000400.safetensors` is damaged or not a file of a run: its checksum differs";
+    check_change(&path, "evaluations/000000000400.safetensors", one_weight, damaged);
+    let other = if result.steps == 0 { "000000000400" } else { "000000000000" };
+    let of_other = fs::read(path.join(format!("evaluations/{other}.safetensors"))).unwrap();
+    let other_weights = "best.safetensors has other weights than the evaluation at";
+    check_change(&path, "best.safetensors", |_| of_other.clone(), other_weights);
     verify(&path, usize::MAX, 1, &mut || false).unwrap();
 }
 
@@ -275,13 +249,6 @@ fn a_run_whose_files_are_not_whole_is_not_continued() {
         fs::write(path.join(file), text).unwrap();
     };
     let nothing = |_: &str| String::new();
-    let without = |start: &'static str| {
-        move |text: &str| {
-            text.lines()
-                .filter(|line| !line.starts_with(start))
-                .fold(String::new(), |text, line| text + line + "\n")
-        }
-    };
     let torn = |text: &str| text[..text.len() - 5].to_owned();
     for name in ["complete", "interrupted"] {
         refused(name, "evaluations.csv", &nothing, "no evaluation at 0 steps, but the checkpoint is of ");

@@ -46,7 +46,7 @@ impl Foreign {
 }
 
 /// Replaces a field of the lines that begin so.
-fn with_field(line: &str, field: usize, value: &str) -> impl Fn(&str) -> String {
+pub fn with_field(line: &str, field: usize, value: &str) -> impl Fn(&str) -> String {
     move |text: &str| {
         let change = |old: &str| {
             let mut fields: Vec<&str> = old.split(',').collect();
@@ -59,11 +59,12 @@ fn with_field(line: &str, field: usize, value: &str) -> impl Fn(&str) -> String 
     }
 }
 
-/// Replaces a number of a JSON file.
-fn with_number(place: &str, value: f64) -> impl Fn(&str) -> String {
+/// Replaces a value of a JSON file.
+pub fn with_value(place: &str, value: impl Into<Value>) -> impl Fn(&str) -> String {
+    let value = value.into();
     move |text: &str| {
         let mut result: Value = serde_json::from_str(text).unwrap();
-        *result.pointer_mut(place).unwrap() = value.into();
+        *result.pointer_mut(place).unwrap() = value.clone();
         result.to_string()
     }
 }
@@ -91,11 +92,11 @@ fn means_are_those_of_the_episodes() {
     let differs = ["at 400 steps it has the mean return 99 of greedy episodes, and"];
     run.check_change("evaluations.csv", with_field("400,", 4, "99"), &differs);
     let differs = ["its sampled mean return is 99, but that of its 320 episodes"];
-    run.check_change("final.json", with_number("/sampled/mean_return", 99.0), &differs);
+    run.check_change("final.json", with_value("/sampled/mean_return", 99.0), &differs);
     let differs = ["its greedy win rate is 0.987, but that of its 320 episodes"];
-    run.check_change("final.json", with_number("/greedy/win_rate", 0.987), &differs);
+    run.check_change("final.json", with_value("/greedy/win_rate", 0.987), &differs);
     let too_large = ["is damaged", "number out of range"];
-    run.check_change("final.json", with_number("/sampled_episodes/5/episode_return", 1e300), &too_large);
+    run.check_change("final.json", with_value("/sampled_episodes/5/episode_return", 1e300), &too_large);
     assert_eq!(read(&run.place, &[("a", "runs")]).unwrap().tasks(), ["hill"], "what is right is read");
 }
 
