@@ -238,7 +238,7 @@ fn a_page_sees_what_the_learner_does() {
     let place = &Place::new();
     let _pool = place.serve("3m:4 --name train --seed 0");
     let (mut watch, url) = watch(place, "");
-    let mut learner = Learner::new(&place);
+    let mut learner = Learner::new(place);
     let mut page = url.open();
     page.show("3m", 1, 2);
     let lane = page.event("lane", |_| true);
@@ -296,7 +296,7 @@ fn a_page_sees_what_the_learner_does() {
     let refused = page.error("get_observation", json!({"number": ends, "step": 0, "agent": 3}));
     assert_eq!(refused, "agent must be below 3, got 3");
     assert_eq!(watch.interrupt(), Some(0));
-    let after = status_of(&place);
+    let after = status_of(place);
     assert_eq!((after["spectators"].as_u64(), after["stats"]["rejected"].as_u64()), (Some(0), Some(0)));
 }
 
@@ -321,7 +321,7 @@ fn a_lane_without_room_for_a_spectator_can_still_be_followed() {
     let _pool = place.serve("3m:2 --name train");
     let _spectator = Spectator::connect(&place.runtime_dir(), "train", None, WaitOptions::for_response())
         .expect("the only one");
-    let mut learner = Learner::new(&place);
+    let mut learner = Learner::new(place);
     let (_watch, url) = watch(place, "train");
     let mut page = url.open();
     page.show("3m", 0, 2);
@@ -383,7 +383,7 @@ fn an_interrupt_ends_the_program_while_a_page_is_open() {
     let mut page = url.open_lane();
     page.request("follow", json!({"env": 0}));
     page.event("episodes", |_| true);
-    assert_eq!(status_of(&place)["spectators"], 1);
+    assert_eq!(status_of(place)["spectators"], 1);
     assert_eq!((pool.interrupt(), watch.interrupt()), (Some(0), Some(0)));
     assert_eq!(place.names_in("pools"), [""; 0]);
 }

@@ -156,10 +156,8 @@ pub enum TournamentError {
     OnlyMarches,
     #[error("no player is a trained team, so the scenario must be named")]
     NoScenario,
-    #[error(
-        "`{folder}` was trained in {given}, but {expected} is played; they differ in {differences}{hint}"
-    )]
-    OtherScenario { folder: String, given: String, expected: String, differences: String, hint: &'static str },
+    #[error("`{folder}` was trained in {given}, but {expected} is played; they differ in {differences}")]
+    OtherScenario { folder: String, given: String, expected: String, differences: String },
     #[error(
         "the sides of {name} differ ({n_agents} agents, {n_enemies} enemies), so a team that was trained \
          with its agents cannot play its enemies; here only scripts play against each other, and a team \
@@ -263,14 +261,14 @@ impl Tournament {
                     episode_limit: of_run.episode_limit().into(),
                     ..played.clone()
                 };
-                let differences = of_run.differences(&played);
                 let (folder, given) = (folder.clone(), run.name.clone());
                 let expected = scenario.name;
                 let hint = match run.config.network {
                     NetworkKind::Universal => "; adapted to this map, it is a team of it, too",
                     NetworkKind::Flat | NetworkKind::Units => "",
                 };
-                return Err(TournamentError::OtherScenario { folder, given, expected, differences, hint });
+                let differences = of_run.differences(&played) + hint;
+                return Err(TournamentError::OtherScenario { folder, given, expected, differences });
             }
         }
         Ok(setup)
