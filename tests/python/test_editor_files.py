@@ -291,6 +291,16 @@ def test_an_editor_whose_link_is_bad_begins_with_a_new_scenario(browser: Any, li
 
 
 @pytest.mark.skipif(not PAGE.exists(), reason="no page; see `just playground`")
+def test_an_editor_shows_the_group_and_tab_of_its_link_and_names_what_there_is_not(browser: Any) -> None:
+    """The group of a link with a scenario was forgotten, and one that there is not was ignored."""
+    with EditorPage(browser, f"{PAGE.as_uri()}#scenario=3m&group=1") as editor:
+        assert editor.page.get_attribute(".groups .group >> nth=1", "aria-expanded") == "true"
+    with EditorPage(browser, f"{PAGE.as_uri()}#scenario=3m&group=2&tab=types") as editor:
+        assert "`group` must be a whole number from 0 to 1, got `2`" in editor.page.inner_text("#message")
+        assert editor.page.get_attribute('[data-tab="types"]', "aria-selected") == "true"
+
+
+@pytest.mark.skipif(not PAGE.exists(), reason="no page; see `just playground`")
 def test_the_editor_needs_no_program(browser: Any, tmp_path: Path) -> None:
     """A page of the documentation: it checks, places, plays and saves by itself, also from a folder."""
     with EditorPage(browser, f"{PAGE.as_uri()}#scenario=3m") as editor:

@@ -78,6 +78,21 @@ def test_the_skip_link_goes_to_the_controls_and_keeps_the_address(browser: Any, 
         assert page.page.url.endswith("#episode=1")
 
 
+def test_another_address_is_followed_and_what_is_wrong_in_it_is_named(browser: Any, pages: Path) -> None:
+    """Only the first address was read: another `#episode=` in the address bar changed nothing."""
+    with Page(browser, pages / "2s3z.html", "unit=0&speed=2") as page:
+        page.press("ArrowRight")
+        page.page.evaluate("location.hash = 'episode=1&tick=20&fit=map'")
+        page.page.wait_for_selector("#episodes li:nth-child(2) [aria-current=true]")
+        page.wait(lambda: page.tick == 20)
+        assert page.text("#speed").startswith("2") and page.text("#unit .who") == "agent 0", "they stay"
+        assert page.page.get_attribute("#fit", "aria-pressed") == "true"
+        page.page.evaluate("location.hash = 'episode='")
+        page.wait(lambda: page.shown("#message"))
+        assert page.text("#message").endswith("`episode` must be a whole number from 0 to 1, got ``.")
+        assert page.tick == 0
+
+
 def test_a_window_that_was_low_shows_the_battle_again(browser: Any, pages: Path) -> None:
     """Every picture failed where the map has no room, and the page stood still until it was loaded again."""
     with Page(browser, pages / "2s3z.html", "unit=0") as page:

@@ -27,6 +27,9 @@ FIELDS = ["obs", "state", "avail_actions", "alive", "snapshot"]
 LEARNER = Path(__file__).parent / "learner.py"
 
 
+NOT_FOLLOWED = "The address cannot be followed:"
+
+
 class Programs:
     """Processes of this test, which end with it."""
 
@@ -475,10 +478,15 @@ def test_a_reload_of_a_followed_battle_keeps_its_page_of_the_grid(
         page.wait(lambda: page.text("#range") == "battles 64 to 69 of 70")
         assert page.page.evaluate("document.activeElement.querySelector('b').textContent") == "67"
     # 0.5 was sent to the program, which answered with the words of its parser.
-    for env in ("0.5", "70", "-1", "abc"):
+    # An empty one was 0; the others were ignored without a word.
+    for env in ("0.5", "70", "-1", "abc", ""):
         with WatchPage(browser, url, f"lane=3m&env={env}") as page:
-            assert page.text("#range") == "battles 0 to 63 of 70"
-            assert page.text("h1") == "train" and not page.shown("#message")
+            assert page.text("#range") == "battles 0 to 63 of 70" and page.text("h1") == "train"
+            ignored = f"`env` must be a whole number from 0 to 69, got `{env}`."
+            page.wait(lambda ignored=ignored: page.text("#notice").startswith(f"{NOT_FOLLOWED} {ignored}"))
+            page.page.evaluate("location.hash = 'env=68'")
+            page.wait(lambda: page.text("h1") == "Battle 68")
+            assert page.page.url.endswith("#lane=3m&env=68")
 
 
 def test_the_header_of_a_followed_battle_has_one_row(browser: Any, programs_of_test: Programs) -> None:

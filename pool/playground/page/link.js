@@ -3,7 +3,7 @@
 // is all that is needed to play the battle again, to the bit. A link that the page made begins with a
 // checksum, because chat programs cut links; one that a person wrote has none.
 
-import { misread } from "#view/address.js";
+import { PLAY, THEMES, readAddress } from "#view/address.js";
 import { isText } from "./scenario.js";
 
 /**
@@ -12,24 +12,20 @@ import { isText } from "./scenario.js";
  *   actions: number[], taken: number[] }} SharedBattle
  */
 
-/** What a link can have; `theme` is read by #view/theme.js, `play` by main.js. */
-const KEYS = [
-  "check",
-  "scenario",
-  "file",
-  "seed",
-  "opponent",
-  "rules",
-  "team",
-  "actions",
-  "taken",
-  "play",
-  "theme",
-];
-/** What a link of the editor can have besides. */
-const KEYS_OF_EDITOR = ["tab", "group"];
-/** Keys that say nothing of the battle; `play` starts it at once. */
-const NO_BATTLE = ["check", "play", "theme", ...KEYS_OF_EDITOR];
+/** @import { Keys } from "#view/address.js" */
+/** @type {Keys} What a link says of the battle. */
+const BATTLE = {
+  scenario: null,
+  file: null,
+  seed: null,
+  opponent: null,
+  rules: null,
+  team: null,
+  actions: null,
+  taken: null,
+};
+/** @type {Keys} What a link can have; main.js reads `play`, which starts the battle at once. */
+export const LINK = { check: null, ...BATTLE, play: PLAY, theme: THEMES };
 /** Bytes of what is decompressed, as the program takes them of replays. */
 const LONGEST = 2 ** 26;
 
@@ -92,7 +88,7 @@ async function unpacked(text) {
  * @param {URLSearchParams} link
  */
 function checkOf(link) {
-  const said = new URLSearchParams([...link].filter(([key]) => !NO_BATTLE.includes(key)));
+  const said = new URLSearchParams([...link].filter(([key]) => key in BATTLE));
   let sum = 0x811c9dc5;
   for (const byte of new TextEncoder().encode(said.toString())) sum = Math.imul(sum ^ byte, 0x01000193);
   return (sum >>> 0).toString(16).padStart(8, "0");
@@ -101,22 +97,16 @@ function checkOf(link) {
 /**
  * What a link says; an error if it is not whole, or cannot be followed.
  * @param {string} text
- * @param {string[]} keys
+ * @param {Keys} [more] what the page accepts besides
  */
-function linkParts(text, keys) {
+export function linkParts(text, more) {
   const link = new URLSearchParams(text),
     check = link.get("check"),
-    [problem] = misread(link, keys);
+    { said, problem } = readAddress(text, { ...LINK, ...more });
   if (check !== null && check !== checkOf(link)) throw new Error(INCOMPLETE);
   if (problem) throw new Error(problem);
-  return link;
+  return said;
 }
-
-/**
- * The same of a link of the editor.
- * @param {string} text
- */
-export const linkOfEditor = (text) => linkParts(text, [...KEYS, ...KEYS_OF_EDITOR]);
 
 /**
  * A battle as text: what stands behind `#`.
@@ -153,7 +143,7 @@ export async function scenarioOf(link) {
  * @returns {Promise<SharedBattle>}
  */
 export async function battleOf(text, defaults) {
-  const link = linkParts(text, KEYS);
+  const link = linkParts(text);
   const [actions, taken] = ["actions", "taken"].map((key) => link.get(key));
   const bytes = actions ? await unpacked(actions) : new Uint8Array();
   if (bytes.length % 2) throw new Error(INCOMPLETE);

@@ -1,7 +1,7 @@
 // @ts-check
 // The page of a replay: reads the data in the document, and lists its episodes.
 
-import { readAddress } from "./address.js";
+import { PLAY, THEMES, readAddress } from "./address.js";
 import { all, byId, make, showMessage } from "./dom.js";
 import { everyFrame } from "./frames.js";
 import { counted } from "./numbers.js";
@@ -23,23 +23,36 @@ class ReplayPage extends BattlePlayer {
   }
 
   async start() {
-    const { info } = this;
-    byId("name").textContent = info.name;
+    byId("name").textContent = this.info.name;
     this.listEpisodes();
     this.listen();
-    const moments = this.data.episodes.map((episode) => episode.n_moments),
-      counts = { moments, units: info.units.length, speeds: SPEEDS },
-      first = readAddress(location.hash.slice(1), counts);
-    this.view.wholeMap = first.showsMap;
-    byId("fit").setAttribute("aria-pressed", String(this.view.wholeMap));
-    this.clock.speed = first.speed;
-    await this.open(first.episode);
-    this.seek(first.tick);
-    if (first.unit >= 0) this.select(first.unit);
-    if (first.plays) this.toggle();
-    if (first.problem) showMessage(`The address cannot be followed: ${first.problem}.`);
+    await this.follow();
+    addEventListener("hashchange", () => this.follow());
     everyFrame((now) => this.frame(now));
     document.documentElement.dataset.ready = "";
+  }
+
+  /** Shows what the address says. What it does not say stays, but for the tick. */
+  async follow() {
+    const { episodes } = this.data;
+    /** @param {URLSearchParams} said */
+    const episodeOf = (said) => Number(said.get("episode") ?? Math.max(0, this.episode));
+    const { said, problem } = readAddress(location.hash.slice(1), {
+      episode: episodes.length,
+      tick: (said) => episodes[episodeOf(said)].n_moments,
+      unit: this.info.units.length,
+      speed: SPEEDS.map(String),
+      play: PLAY,
+      fit: ["map"],
+      theme: THEMES,
+    });
+    if (said.has("fit") && !this.view.wholeMap) this.fit();
+    this.clock.speed = Number(said.get("speed") ?? this.clock.speed);
+    await this.open(episodeOf(said));
+    this.seek(Number(said.get("tick")));
+    if (said.has("unit")) this.view.selected = Number(said.get("unit"));
+    if (said.has("play")) this.clock.playing = said.get("play") === "1";
+    if (problem) showMessage(`The address cannot be followed: ${problem}.`);
   }
 
   /**

@@ -1,7 +1,7 @@
 // @ts-check
 // Theme: the colours of the style sheet for canvases, and the choice between light and dark.
 
-const THEMES = ["dark", "light"];
+import { THEMES } from "./address.js";
 
 export const theme = {
   /** @type {{ [name: string]: string }} */

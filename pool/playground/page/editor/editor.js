@@ -1,10 +1,12 @@
 // @ts-check
 // EditorPage: connects the document, the map, the forms and the engine.
 
+import { readAddress } from "#view/address.js";
 import { all, byId, make, messageOf } from "#view/dom.js";
 import { everyFrame } from "#view/frames.js";
 import { clamp } from "#view/numbers.js";
 import { theme } from "#view/theme.js";
+import { LINK } from "../link.js";
 import { Arena } from "./arena.js";
 import { Commands } from "./commands.js";
 import { ScenarioDocument, isNumber, stemOf } from "./document.js";
@@ -61,9 +63,7 @@ export class EditorPage {
   start() {
     this.fillChoices();
     new Commands(this).listen();
-    const hash = new URLSearchParams(location.hash.slice(1));
-    this.group = Number(hash.get("group") ?? -1);
-    this.showTab(TABS.find((tab) => tab === hash.get("tab")) ?? "groups");
+    this.showTab("groups");
     this.doc.listeners.push(() => this.refresh());
     this.refresh();
     theme.listeners.push(() => this.redraw());
@@ -75,6 +75,18 @@ export class EditorPage {
       this.map.draw();
     });
     document.documentElement.dataset.ready = "";
+  }
+
+  /**
+   * Shows the group and the tab of a link, and gives what the link says that cannot be followed.
+   * @param {string} link
+   */
+  follow(link) {
+    const group = this.doc.groups().length,
+      { said, problem } = readAddress(link, { ...LINK, tab: [...TABS], group });
+    if (said.has("group")) this.selectGroup(Number(said.get("group")));
+    if (said.has("tab")) this.showTab(/** @type {Tab} */ (said.get("tab")));
+    return problem;
   }
 
   fillChoices() {
@@ -297,8 +309,9 @@ export class EditorPage {
 export async function startEditor(engine, open, playground) {
   theme.start();
   const builtins = await engine.request({ type: "get_builtins" });
+  const link = location.hash.slice(1);
   let problem = "";
-  const handedOver = await filesOfLink(location.hash.slice(1), builtins).catch((error) => {
+  const handedOver = await filesOfLink(link, builtins).catch((error) => {
     problem = `The scenario of this link cannot be opened: ${messageOf(error)}`;
     return null;
   });
@@ -310,6 +323,8 @@ export async function startEditor(engine, open, playground) {
     Object.assign(byId("rules"), { value: handedOver.rules });
     page.load(handedOver.files);
   }
+  const ignored = page.follow(link);
+  if (ignored) problem ||= `The address cannot be followed: ${ignored}.`;
   if (problem) say(problem);
   return page;
 }

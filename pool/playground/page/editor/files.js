@@ -3,7 +3,7 @@
 
 import { download, messageOf } from "#view/dom.js";
 import { stemOf } from "./document.js";
-import { linkOfEditor, scenarioOf } from "../link.js";
+import { linkParts, scenarioOf } from "../link.js";
 import { isText, nameOf, textOfFile } from "../scenario.js";
 import { JsonText } from "./json.js";
 import { tell } from "./message.js";
@@ -32,7 +32,7 @@ import { tell } from "./message.js";
  * @returns {Promise<{ files: ScenarioFiles, seed: string, rules: string } | null>}
  */
 export async function filesOfLink(link, builtins) {
-  const keys = linkOfEditor(link),
+  const keys = linkParts(link, { tab: null, group: null }),
     scenario = await scenarioOf(keys);
   if (!scenario) return null;
   const known = builtins.scenarios.find(({ name }) => name === scenario),

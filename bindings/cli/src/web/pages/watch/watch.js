@@ -1,6 +1,7 @@
 // @ts-check
 // The page of a running pool: the grid of a lane's battles with its panel, or one battle that is followed.
 
+import { THEMES, readAddress } from "#view/address.js";
 import { byId, make, messageOf } from "#view/dom.js";
 import { everyFrame } from "#view/frames.js";
 import { counted } from "#view/numbers.js";
@@ -12,14 +13,19 @@ import { LanePanel, compact } from "./plots.js";
 
 /** @import { LaneInfo, LaneState, PageRequest, PoolState } from "../protocol.d.ts" */
 
+/** @param {string} address */
+const laneOf = (address) => new URLSearchParams(address).get("lane");
+
 const NO_STATES =
   "The frames of this lane have no states: the field `state` is left out. Click a battle to follow it.";
 
 class WatchPage {
   /** @param {{ pool: string, lane: string }} data */
   constructor(data) {
-    this.hash = new URLSearchParams(location.hash.slice(1));
-    this.lane = this.hash.get("lane") ?? data.lane;
+    /** What the address says, until its lane is shown; then what of it cannot be followed. */
+    this.address = location.hash.slice(1);
+    this.ignored = "";
+    this.lane = laneOf(this.address) ?? data.lane;
     this.env = -1;
     /** @type {FollowPlayer | null} */
     this.player = null;
@@ -98,18 +104,22 @@ class WatchPage {
    * @param {string} text
    * @param {string} kind
    */
-  state(text, kind, notice = "") {
+  state(text, kind, why = "") {
+    const notice = [this.ignored, why].filter(Boolean).join(" ");
     byId("state").textContent = text;
     byId("state").className = `badge ${kind}`;
     if (byId("notice").textContent !== notice) byId("notice").textContent = notice;
     byId("notice").hidden = !notice;
   }
 
-  /** @param {string} name */
-  chooseLane(name) {
+  /**
+   * @param {string} name
+   * @param {string} [address] what is shown of it
+   */
+  chooseLane(name, address = "") {
     this.lane = name;
-    this.hash.delete("env"); // one of the lane before
     this.overview();
+    this.address = address;
     this.panel.clear();
     this.grid.clear();
     this.send({ type: "select_lane", name });
@@ -129,9 +139,12 @@ class WatchPage {
     const notice = event.no_grid ?? (event.has_state ? "" : NO_STATES);
     byId("grid-notice").textContent = notice;
     byId("grid-notice").hidden = !notice;
-    const env = this.env >= 0 ? this.env : Number(this.hash.get("env") ?? -1),
-      isEnv = Number.isInteger(env) && env >= 0 && env < event.num_envs;
-    this.hash.delete("env");
+    const keys = { lane: [event.lane], env: event.num_envs, theme: THEMES },
+      { said, problem } = readAddress(this.address, keys);
+    this.address = "";
+    if (problem) this.ignored = `The address cannot be followed: ${problem}.`;
+    const env = this.env >= 0 ? this.env : Number(said.get("env") ?? -1),
+      isEnv = env >= 0 && env < event.num_envs;
     this.showCells(event, isEnv ? env : Math.min(this.grid.first, event.num_envs - 1));
     if (isEnv) this.follow(env);
     else this.overview();
@@ -247,7 +260,7 @@ class WatchPage {
    */
   lacks(lanes) {
     if (lanes.includes(this.lane)) return; // a status from before the lane was chosen
-    if (lanes.length === 1) return this.chooseLane(lanes[0]);
+    if (lanes.length === 1) return this.chooseLane(lanes[0], this.address);
     if (document.body.dataset.mode !== "grid") this.overview();
     this.grid.clear();
     this.panel.clear();
@@ -298,6 +311,11 @@ class WatchPage {
     byId("next").addEventListener("click", () => this.turn(1));
     byId("lane").addEventListener("change", () => this.chooseLane(byId("lane").value));
     document.addEventListener("visibilitychange", () => this.sendView());
+    for (const event of ["pointerdown", "keydown"]) addEventListener(event, () => (this.ignored = ""));
+    addEventListener("hashchange", () => {
+      const address = location.hash.slice(1);
+      this.chooseLane(laneOf(address) ?? this.lane, address);
+    });
     addEventListener("keydown", (event) => this.key(event), { capture: true });
   }
 
