@@ -12,6 +12,10 @@ import { rowsOf, squaresOf } from "#view/squares.js";
 /** @import { At, Handlers } from "#view/controls.js" */
 /** @import { EditedMap } from "#view/squares.js" */
 /** @import { Playground } from "./playground.js" */
+/**
+ * The map before and after a stroke, and where that has come to.
+ * @typedef {{ before: EditedMap, after: EditedMap, at: Square }} Stroke
+ */
 
 /** How many squares the brush moves at a time with shift. */
 const FAR = 5;
@@ -27,8 +31,10 @@ export class Painter {
     this.brush.tool = "brush";
     /** @type {Square | null} Where the brush is, by pointer or keys. */
     this.square = null;
-    /** @type {{ map: EditedMap, at: Square } | null} The map while it is drawn on, and where. */
+    /** @type {Stroke | null} The one that is drawn. */
     this.stroke = null;
+    /** @type {Stroke[]} Those that the engine was asked for. */
+    this.asked = [];
     /** @type {string[]} The scenarios before the strokes that led to the newest one. */
     this.past = [];
     this.newest = "";
@@ -142,11 +148,21 @@ export class Painter {
    * @param {Square} to
    */
   extend(from, to) {
-    const { brush, page } = this,
-      { map, at } = this.stroke ?? { map: squaresOf(page.info), at: from };
-    this.stroke = { map: brush.drawn(map, at, to, brush.paints), at: to };
-    page.arena.showMap(this.stroke.map);
+    const { brush, map } = this,
+      { before, after, at } = this.stroke ?? { before: map, after: map, at: from };
+    this.stroke = { before, after: brush.drawn(after, at, to, brush.paints), at: to };
+    this.showMap();
     this.point(to);
+  }
+
+  /** The map of the battle with all strokes that it does not have yet. */
+  get map() {
+    const strokes = this.stroke ? [...this.asked, this.stroke] : this.asked;
+    return strokes.reduce(withStroke, squaresOf(this.page.info));
+  }
+
+  showMap() {
+    this.page.arena.showMap(this.map);
   }
 
   /**
@@ -155,24 +171,26 @@ export class Painter {
    */
   finish(to) {
     this.extend(to, to);
-    const { page, stroke } = this,
-      before = squaresOf(page.info).blocked;
-    if (!stroke?.map.blocked.some((square, i) => square !== before[i])) return this.giveUp();
-    const rows = rowsOf(stroke.map);
-    this.stroke = null; // it stays on the map until the battle has begun anew
+    const { page, stroke } = this;
+    if (!stroke?.after.blocked.some((square, i) => square !== stroke.before.blocked[i])) return this.giveUp();
+    this.stroke = null;
+    this.asked.push(stroke);
     page.enqueue(async () => {
-      const past = [...(this.canUndo ? this.past : []), page.shared.scenario];
+      const past = [...(this.canUndo ? this.past : []), page.shared.scenario],
+        // Strokes and others before it may have changed the map since it was drawn.
+        rows = rowsOf(withStroke(squaresOf(page.info), stroke));
       if (await page.change(async () => (await page.engine.request({ type: "paint_map", rows })).scenario))
         Object.assign(this, { past, newest: page.shared.scenario });
-      else page.arena.showMap(squaresOf(page.info));
+      this.asked.shift();
+      this.showMap();
       this.show();
     });
   }
 
-  /** Forgets the stroke, if there is one, and shows the map of the battle. */
+  /** Forgets the stroke, if there is one. */
   giveUp() {
-    if (this.stroke) this.page.arena.showMap(squaresOf(this.page.info));
     this.stroke = null;
+    this.showMap();
     this.show();
   }
 
@@ -235,4 +253,17 @@ export class Painter {
       commands.Enter = () => this.finish(this.square ?? squareFrom(null, [0, 0], 0, this.page.info));
     return commands[key];
   }
+}
+
+/**
+ * A map with the squares that a stroke changed; one of another size has no place for them.
+ * @param {EditedMap} map
+ * @param {Stroke} stroke
+ * @returns {EditedMap}
+ */
+function withStroke(map, { before, after }) {
+  if (map.width !== after.width || map.height !== after.height) return map;
+  const changed = (/** @type {number} */ square, /** @type {number} */ i) =>
+    after.blocked[i] === before.blocked[i] ? square : after.blocked[i];
+  return { ...map, blocked: map.blocked.map(changed) };
 }

@@ -178,7 +178,6 @@ export class Playground extends Commander {
   accept(begun, taken) {
     const isOther = JSON.stringify(begun.scenario) !== JSON.stringify(this.begun.scenario);
     this.begun = begun;
-    this.painter.stroke = null;
     this.ordersAfter.clear();
     const { wholeMap } = this.view;
     if (isOther) this.use(begun.scenario);
