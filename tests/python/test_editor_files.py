@@ -281,6 +281,35 @@ def test_names_of_unit_types_that_cannot_be_saved_are_refused_by_the_page(browse
         assert file.with_name(f"{longest}.json").exists()
 
 
+def test_an_opened_unit_type_whose_name_cannot_be_saved_is_a_warning(browser: Any, file: Path) -> None:
+    """It was called valid until the first save was refused."""
+    unit = file.with_name("my unit.json")
+    with Editor(browser, str(file)) as editor:
+        unit.write_text((REPOSITORY / "units/data/MARINE.json").read_text())
+        editor.page.set_input_files("#files", unit)
+        editor.wait_for_state("1 warning")
+        (warning,) = editor.problem_list()
+        assert "my unit.json" in warning and "cannot be saved: use 1 to 100 letters" in warning
+        editor.tab("types")
+        name = editor.page.locator("#types [data-key=name]")
+        name.fill("my_unit")
+        name.press("Enter")
+        editor.wait_for_state("Valid")
+
+
+def test_problems_that_are_not_listed_are_counted(browser: Any, file: Path) -> None:
+    """The page said 100, whatever there were."""
+    with Editor(browser, str(file)) as editor:
+        ghosts = {"x": 1, "y": 1, "faction": "ALLY", "units": {"GHOST": 1}}
+        text = json.dumps(editor.json() | {"groups": [ghosts] * 150})
+        editor.tab("json")
+        editor.page.fill("#text", text)
+        editor.wait(lambda: str(editor.page.inner_text("#problems h2")).startswith("15"))
+        *listed, more = editor.problem_list()
+        total = int(editor.page.inner_text("#problems h2").split()[0])
+        assert len(listed) == 100 and more == f"and {total - 100} more"
+
+
 @pytest.mark.skipif(not PAGE.exists(), reason="no page; see `just playground`")
 @pytest.mark.parametrize("link", ["scenario=nope", "file=abc", "check=00&scenario=3m", "rules=x&scenario=3m"])
 def test_an_editor_whose_link_is_bad_begins_with_a_new_scenario(browser: Any, link: str) -> None:

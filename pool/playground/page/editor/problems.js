@@ -5,7 +5,7 @@ import { all, byId, make, messageOf } from "#view/dom.js";
 import { counted } from "#view/numbers.js";
 import { EngineLost } from "../engine.js";
 import { seedOfField } from "./arena.js";
-import { isNumber, stemOf } from "./document.js";
+import { NAME_RULE, UNIT_NAME, isNumber, stemOf } from "./document.js";
 import { button, fieldKey } from "./fields.js";
 import { tell } from "./message.js";
 
@@ -70,6 +70,8 @@ export class Checker {
     /** What is wrong with the files, as far as the program has responded. */
     /** @type {PlacedProblem[]} */
     this.problems = [];
+    /** How many there are: the program lists the first of many. */
+    this.total = 0;
     /** @type {PlacedProblem[]} What is probably a mistake in valid files. */
     this.warnings = [];
     /** @type {State | null} The state of the document that it is about. */
@@ -108,7 +110,8 @@ export class Checker {
       this.checked = state;
       this.page.layout = new Layout(groups, checked);
       this.problems = checked.problems.map((problem) => this.placed(problem));
-      this.warnings = checked.warnings.map((warning) => this.placed(warning));
+      this.total = checked.n_problems;
+      this.warnings = [...checked.warnings, ...this.unsaved()].map((warning) => this.placed(warning));
       this.summary = checked.summary;
       byId("draw").hidden = !checked.drawn;
     } catch (error) {
@@ -117,6 +120,22 @@ export class Checker {
     }
     this.show();
     this.page.showMap();
+  }
+
+  /**
+   * The unit types that were added and whose names the program refuses to save; a download takes any.
+   * @returns {Problem[]}
+   */
+  unsaved() {
+    const { doc, store } = this.page;
+    const refused = ({ name = "", keys = [""] }) => store.target && !keys.length && !UNIT_NAME.test(name);
+    return doc.units.filter(refused).map(({ name }) => ({
+      file: `${name}.json`,
+      line: null,
+      column: null,
+      path: "",
+      message: `a unit type of this name cannot be saved: ${NAME_RULE}`,
+    }));
   }
 
   /**
@@ -137,8 +156,7 @@ export class Checker {
   }
 
   show() {
-    const { problems, warnings } = this,
-      n = problems.length;
+    const { problems, warnings, total: n } = this;
     const state = byId("state");
     const isCurrent = this.checked === this.page.doc.state;
     state.className = `badge ${n ? "invalid" : isCurrent ? "valid" : ""}`;
@@ -147,7 +165,7 @@ export class Checker {
     byId("play").disabled = n > 0;
     byId("problems").classList.toggle("invalid", found !== "");
     byId("problems").querySelector("h2").textContent = found || "No problems";
-    const key = JSON.stringify([problems, warnings]);
+    const key = JSON.stringify([problems, warnings, n]);
     if (key !== this.listed) {
       this.listed = key;
       /** @param {PlacedProblem} problem */
@@ -162,7 +180,12 @@ export class Checker {
       };
       byId("problems")
         .querySelector("ol")
-        .replaceChildren(...problems.map(item), ...warnings.map(item));
+        .replaceChildren(...[...problems, ...warnings].map(item));
+      const unlisted = n - problems.length;
+      if (unlisted)
+        byId("problems")
+          .querySelector("ol")
+          .append(make("li", {}, `and ${unlisted} more`));
     }
     const { summary } = this;
     byId("summary").textContent =

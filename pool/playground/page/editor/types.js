@@ -3,6 +3,7 @@
 
 import { titleCase } from "#view/battle.js";
 import { make } from "#view/dom.js";
+import { NAME_RULE, UNIT_NAME } from "./document.js";
 import { Panel, button, fieldKey, icon } from "./fields.js";
 import { typeTitle } from "./groups.js";
 
@@ -234,10 +235,8 @@ export class TypesPanel extends Panel {
     input.addEventListener("change", () => {
       const name = input.value.trim();
       const isFree = doc.freeName(name) === name;
-      if (!/^(?!.*\.json$)[\w-][\w.-]{0,99}$/i.test(name) || !isFree) {
-        const why = isFree
-          ? "use letters, digits, _, - and ., which cannot be first, without .json"
-          : "another type has this name";
+      if (!UNIT_NAME.test(name) || !isFree) {
+        const why = isFree ? NAME_RULE : "another type has this name";
         input.setCustomValidity(`The name is part of a file name: ${why}`);
         input.reportValidity();
         return;

@@ -38,11 +38,7 @@ pub(crate) fn builtins() -> Builtins {
 }
 
 fn formats(keys: &[&dyn AnyKey]) -> Vec<KeyFormat> {
-    let format = |key: &&dyn AnyKey| KeyFormat {
-        name: key.name(),
-        is_required: key.is_required(),
-        schema: key.schema(),
-    };
+    let format = |key: &&dyn AnyKey| KeyFormat { name: key.name(), schema: key.schema() };
     keys.iter().map(format).collect()
 }
 

@@ -3,14 +3,14 @@
 use super::protocol::{CheckedFiles, Group, Summary};
 use glam::Vec2;
 use smaclite_engine::{Arena, Battle, BattleSetup, Rules};
-use smaclite_scenarios::{Faction, MAX_UNITS, Placement, Problem, ScenarioFiles, formation};
+use smaclite_scenarios::{Faction, MAX_UNITS, Placement, Problem, Problems, ScenarioFiles, formation};
 use smaclite_units::file::{MAX_SCENARIO_BYTES, MAX_UNIT_BYTES};
 use smaclite_units::{Keyword, UnitType};
 use smaclite_view::page::types_info;
 use std::sync::Arc;
 
 pub(crate) fn check(files: &ScenarioFiles, groups: &[Group], seed: &str) -> CheckedFiles {
-    let problems = problems(files);
+    let (problems, n_problems) = problems(files);
     let mut types = Types { files, keys: Vec::new(), types: Vec::new() };
     let mut free = MAX_UNITS as usize;
     let groups = groups.iter().map(|group| place(group, &mut types, &mut free)).collect();
@@ -18,18 +18,24 @@ pub(crate) fn check(files: &ScenarioFiles, groups: &[Group], seed: &str) -> Chec
     let drawn = drawn(files, &mut types, seed);
     let options = files.scenario().ok().and_then(|scenario| scenario.smacv2);
     let (warnings, types) = (files.warnings(), types_info(&types.types, options.as_ref()));
-    CheckedFiles { problems, warnings, summary, types, groups, drawn }
+    CheckedFiles { problems, n_problems, warnings, summary, types, groups, drawn }
 }
 
-/// All that is wrong with the scenario, and with unit files that it does not name yet.
-fn problems(files: &ScenarioFiles) -> Vec<Problem> {
-    let mut found = files.scenario().map_or_else(|problems| problems.list().to_vec(), |_| Vec::new());
+/// What is wrong with the scenario, and with unit files that it does not name yet; and how much that is, also
+/// with what its readers do not list.
+fn problems(files: &ScenarioFiles) -> (Vec<Problem>, usize) {
+    let mut unlisted = 0;
+    let mut listed = |problems: Problems| {
+        unlisted += problems.n_problems() - problems.list().len();
+        problems.list().to_vec()
+    };
+    let mut found = files.scenario().map_or_else(&mut listed, |_| Vec::new());
     for unit in &files.unit_files {
         let file = format!("{}.json", unit.name);
         if !found.iter().any(|problem| problem.file == file)
             && let Err(problems) = UnitType::from_json(&unit.text, &unit.name, &file)
         {
-            found.extend_from_slice(problems.list());
+            found.extend(listed(problems));
         }
     }
     // Saved, they could not be opened again.
@@ -43,7 +49,8 @@ fn problems(files: &ScenarioFiles) -> Vec<Problem> {
             found.push(Problem { file, line: None, column: None, path: String::new(), message });
         }
     }
-    found
+    let n_problems = found.len() + unlisted;
+    (found, n_problems)
 }
 
 fn summary(files: &ScenarioFiles) -> Option<Summary> {
@@ -201,7 +208,19 @@ mod tests {
         let (_, mut files) = ScenarioFiles::resolve("2s3z").unwrap();
         files.text = files.text.replace("\"ZEALOT\": 3", "\"ZEALOT\": 0");
         let expected = Scenario::from_json(&files.text, &files.source, "".as_ref()).unwrap_err();
-        assert_eq!(problems(&files), expected.list());
-        assert_eq!(problems(&files)[0].path, "groups[0].units.ZEALOT");
+        assert_eq!(problems(&files), (expected.list().to_vec(), expected.n_problems()));
+        assert_eq!(problems(&files).0[0].path, "groups[0].units.ZEALOT");
+    }
+
+    /// The page said that a file had 100 problems, whatever it had.
+    #[test]
+    fn problems_that_are_not_listed_are_counted() {
+        let (_, mut files) = ScenarioFiles::resolve("2s3z").unwrap();
+        let group = r#"{"x": 1, "y": 1, "faction": "ALLY", "units": {"GHOST": 1}},"#;
+        files.text = files.text.replace("\"groups\": [", &format!("\"groups\": [{}", group.repeat(150)));
+        let expected = files.scenario().unwrap_err();
+        let checked = check(&files, &[], "0");
+        assert_eq!((checked.problems.len(), checked.n_problems), (100, expected.n_problems()));
+        assert!(checked.n_problems >= 150);
     }
 }

@@ -68,7 +68,6 @@ pub(crate) struct FileFormat {
 #[cfg_attr(test, derive(TS))]
 pub(crate) struct KeyFormat {
     pub name: &'static str,
-    pub is_required: bool,
     /// Of its value: type, range, keywords, default, description.
     #[cfg_attr(test, ts(type = "JsonSchema"))]
     pub schema: serde_json::Value,
@@ -84,8 +83,11 @@ pub(crate) struct TargeterFormat {
 #[derive(Debug, Serialize)]
 #[cfg_attr(test, derive(TS))]
 pub(crate) struct CheckedFiles {
+    /// The first 100 per reader.
     #[cfg_attr(test, ts(type = "Problem[]"))]
     pub problems: Vec<Problem>,
+    /// How many there are, also of those that are not listed.
+    pub n_problems: usize,
     /// What is probably a mistake in a valid scenario.
     #[cfg_attr(test, ts(type = "Problem[]"))]
     pub warnings: Vec<Problem>,

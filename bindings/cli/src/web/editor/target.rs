@@ -90,11 +90,16 @@ impl Start {
     }
 }
 
-/// A new scenario, named after its file.
+/// A new scenario, named after its file if that is a name that scenarios can have.
 fn new_files(source: &str) -> ScenarioFiles {
-    let name =
-        Path::new(source).file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
-    ScenarioFiles { source: source.to_owned(), text: new_scenario(&name), unit_files: Vec::new() }
+    let stem = Path::new(source).file_stem().unwrap_or_default().to_string_lossy();
+    let named = |name: &str| ScenarioFiles {
+        source: source.to_owned(),
+        text: new_scenario(name),
+        unit_files: Vec::new(),
+    };
+    let files = named(&stem);
+    if files.scenario().is_ok() { files } else { named("new_scenario") }
 }
 
 /// A scenario file that is edited.

@@ -54,6 +54,16 @@ fn names(folder: &TempDir) -> Vec<String> {
     names
 }
 
+/// It was named after the file, and not valid.
+#[test]
+fn a_new_scenario_whose_file_has_a_long_name_is_valid() {
+    let folder = tempfile::tempdir().unwrap();
+    for (stem, name) in [("mine", "mine"), (&"x".repeat(101)[..], "new_scenario")] {
+        let start = Start::of(folder.path().join(format!("{stem}.json")).to_str().unwrap()).unwrap();
+        assert_eq!(opened(&start).files.scenario().unwrap().name, name);
+    }
+}
+
 #[test]
 fn only_what_changed_is_written() {
     let (folder, start) = folder();
