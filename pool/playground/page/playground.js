@@ -198,7 +198,9 @@ export class Playground extends Commander {
     this.seen = 0;
     this.result = null;
     this.arena.taken = new Set(taken);
-    this.show(new Track(this.begun.scenario));
+    const track = new Track(this.begun.scenario);
+    track.firstStep = this.begun.first_step;
+    this.show(track);
     this.append(this.begun.played);
     this.view.area = this.taken.size ? this.startArea() : null;
     this.selected();
@@ -451,7 +453,8 @@ export class Playground extends Commander {
     }
     this.forget();
     const step = Math.floor(clock.time / TICKS_PER_STEP);
-    const shown = { info: this.info, unit: this.view.selected, episode: this.serial, step };
+    const { selected: unit, track } = this.view,
+      shown = { info: this.info, unit, episode: this.serial, step, firstStep: track.firstStep };
     this.painter.update();
     this.observation.update(shown, this.begun.features, step <= this.steps);
     this.headline.update(this);

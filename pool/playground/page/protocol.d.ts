@@ -120,6 +120,10 @@ source: string, rules: string,
  */
 opponent: string, seed: string, 
 /**
+ * The step with which it begins: not 0 if a replay recorded it from a snapshot on.
+ */
+first_step: number, 
+/**
  * Whether it can be played on; a battle in which actions play the enemies too is only shown.
  */
 is_playable: boolean, 
@@ -201,13 +205,21 @@ export type FileFormat = {
  * In the order in which files have them.
  */
 keys: Array<KeyFormat>, };
-export type KeyFormat = { name: string, is_required: boolean, 
+export type KeyFormat = { name: string, 
 /**
  * Of its value: type, range, keywords, default, description.
  */
 schema: JsonSchema, };
 export type TargeterFormat = { name: string, parameters: Array<KeyFormat>, };
-export type CheckedFiles = { problems: Problem[], 
+export type CheckedFiles = { 
+/**
+ * The first 100 per reader.
+ */
+problems: Problem[], 
+/**
+ * How many there are, also of those that are not listed.
+ */
+n_problems: number, 
 /**
  * What is probably a mistake in a valid scenario.
  */

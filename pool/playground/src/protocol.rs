@@ -207,6 +207,8 @@ pub(crate) struct BegunBattle {
     /// Who plays the enemies.
     pub opponent: String,
     pub seed: String,
+    /// The step with which it begins: not 0 if a replay recorded it from a snapshot on.
+    pub first_step: u32,
     /// Whether it can be played on; a battle in which actions play the enemies too is only shown.
     pub is_playable: bool,
     /// What is probably a mistake in its scenario, if that is none of the standard ones.

@@ -163,6 +163,7 @@ impl Session {
         };
         let (game, recorder) =
             Game::begin(&begin.of, self.replay.as_ref(), enemies.is_some()).map_err(BattleError::from)?;
+        let first_step = recorder.battle().episode_length();
         let player = self.player(&begin.team, &game)?;
         let against = enemies.map_or_else(|| game.setup.opponents.to_string(), |team| team.name().to_owned());
         let enemies = enemies.map(|team| team.on(&game, Faction::Enemy)).transpose()?;
@@ -183,6 +184,7 @@ impl Session {
             rules: game.setup.rules.to_string(),
             opponent,
             seed: game.seed.to_string(),
+            first_step,
             is_playable: battle.is_playable(),
             warnings: game.warnings(),
             played,

@@ -4,7 +4,7 @@
 import { FACTION_COLOURS } from "./effects.js";
 import { clamp } from "./numbers.js";
 import { fitCanvas, theme } from "./theme.js";
-import { TICKS_PER_SECOND } from "./transport.js";
+import { TICKS_PER_SECOND, TICKS_PER_STEP } from "./transport.js";
 
 /** @import { Track } from "./track.js" */
 
@@ -117,13 +117,14 @@ export class HealthChart {
    * @param {number} height
    */
   drawSeconds(context, x, height) {
-    const seconds = this.track.last / TICKS_PER_SECOND;
+    const seconds = this.track.last / TICKS_PER_SECOND,
+      first = (this.track.firstStep * TICKS_PER_STEP) / TICKS_PER_SECOND;
     const every = [1, 2, 5, 10, 20, 30, 60, 120, 300, 600].find((size) => seconds / size <= 6) ?? 3600;
     context.textAlign = "center";
     context.fillStyle = theme.colours.dim;
     for (let second = 0; second <= seconds; second += every) {
       const at = x(second * TICKS_PER_SECOND);
-      if (at < x(this.track.last) - 8 || !second) context.fillText(`${second} s`, at, height - 6);
+      if (at < x(this.track.last) - 8 || !second) context.fillText(`${first + second} s`, at, height - 6);
     }
   }
 }

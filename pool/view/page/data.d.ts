@@ -12,7 +12,7 @@ export type TypeInfo = { name: string, label: string, radius: number, hp: number
 /**
  * How far agents of the type see.
  */
-sight_range: number, speed: number, plane: string, attack: "shot" | "beam" | "explosion" | "heal", 
+sight_range: number, plane: string, attack: "shot" | "beam" | "explosion" | "heal", 
 /**
  * Width and height of a beam, or the radius of an explosion.
  */
@@ -36,11 +36,15 @@ export type EpisodeData = {
 /**
  * A text, because JavaScript has no 64-bit integers.
  */
-seed: string, draws: number, steps: number, episode_return: number, result: "won" | "lost" | "truncated" | "unfinished", 
+seed: string, steps: number, 
+/**
+ * The step with which the recording begins.
+ */
+first_step: number, episode_return: number, result: "won" | "lost" | "truncated" | "unfinished", 
 /**
  * Allies and enemies that died.
  */
-dead: [number, number], rewards: Array<number>, n_moments: number, 
+dead: [number, number], n_moments: number, 
 /**
  * Compressed, in base64.
  */

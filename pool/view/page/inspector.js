@@ -211,10 +211,11 @@ export class Inspector {
   pairs(track, tick, unit, type) {
     const at = tick * track.units + unit,
       target = track.target[at],
-      alive = track.alive[at] > 0;
+      alive = track.alive[at] > 0,
+      first = track.firstStep * TICKS_PER_STEP;
     const wasAlive = track.alive[unit] > 0, // in the state in which the track begins
       died = wasAlive
-        ? `died at ${(track.deathTick[unit] / TICKS_PER_SECOND).toFixed(1)} s`
+        ? `died at ${((first + track.deathTick[unit]) / TICKS_PER_SECOND).toFixed(1)} s`
         : "dead at the start";
     /** @type {string | HTMLElement} */
     let aim = "none";
@@ -258,7 +259,7 @@ export class Inspector {
     const title =
       chosen < 0
         ? "Available at the start"
-        : `Action of step ${step}: ${actionName(this.info, agent, chosen)}`;
+        : `Action of step ${track.firstStep + step}: ${actionName(this.info, agent, chosen)}`;
     return [make("h3", {}, title), make("div", { className: "actions" }, options)];
   }
 }

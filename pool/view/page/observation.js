@@ -5,8 +5,8 @@ import { make } from "./dom.js";
 
 /** @import { Features, ScenarioInfo } from "./data.d.ts" */
 /**
- * What is shown: a unit, or -1, before a step of an episode.
- * @typedef {{ info: ScenarioInfo, unit: number, episode: number, step: number }} Shown
+ * What is shown: a unit, or -1, before a step of an episode, and the step with which its track begins.
+ * @typedef {{ info: ScenarioInfo, unit: number, episode: number, step: number, firstStep: number }} Shown
  */
 
 /** Milliseconds between two requests for observations. */
@@ -38,7 +38,7 @@ export class ObservationCard {
    * @param {Features[]} features
    * @param {boolean} isKnown Whether the step can be asked for.
    */
-  update({ info, unit, episode, step }, features, isKnown) {
+  update({ info, unit, episode, step, firstStep }, features, isKnown) {
     const { faction, id } = info.units[unit] ?? { faction: 1, id: 0 };
     this.element.hidden = faction !== 0;
     if (this.element.hidden) {
@@ -50,7 +50,7 @@ export class ObservationCard {
     if (key === this.shown || now - this.asked < OBSERVE_EVERY || !isKnown) return;
     [this.shown, this.asked] = [key, now];
     this.observe(episode, step, id)
-      .then((obs) => this.shown === key && this.draw(features, step, obs))
+      .then((obs) => this.shown === key && this.draw(features, firstStep + step, obs))
       .catch((error) => this.element.replaceChildren(make("p", { className: "hint" }, error.message)));
   }
 

@@ -158,10 +158,11 @@ export class BattlePlayer {
     byId("play").setAttribute("aria-label", clock.playing ? "Pause" : "Play");
     byId("start").hidden = clock.playing || clock.time > 0;
     byId("speed").textContent = `${clock.speed}\u00d7`;
+    const now = track.firstStep * TICKS_PER_STEP + tick;
     const text = [
-      ["step ", `${Math.floor(tick / TICKS_PER_STEP)}`, ` / ${this.stepsOf(track)}`],
-      ["tick ", `${tick}`, ""],
-      ["", (tick / TICKS_PER_SECOND).toFixed(1), " s"],
+      ["step ", `${Math.floor(now / TICKS_PER_STEP)}`, ` / ${this.stepsOf(track)}`],
+      ["tick ", `${now}`, ""],
+      ["", (now / TICKS_PER_SECOND).toFixed(1), " s"],
     ];
     byId("time").replaceChildren(
       ...text.flatMap(([before, value, after], i) => [
@@ -178,7 +179,7 @@ export class BattlePlayer {
    * @param {Track} track
    */
   stepsOf(track) {
-    return Math.floor(track.last / TICKS_PER_STEP);
+    return track.firstStep + Math.floor(track.last / TICKS_PER_STEP);
   }
 
   listen() {

@@ -76,7 +76,7 @@ class ReplayPage extends BattlePlayer {
    */
   async decode(episode, index) {
     const track = new Track(this.info);
-    track.serial = index;
+    Object.assign(track, { serial: index, firstStep: episode.first_step });
     track.append(await inflate(episode.moments), episode.n_moments);
     track.appendDecisions(await inflate(episode.decisions));
     return track;

@@ -80,6 +80,8 @@ export class Track {
   /** @param {ScenarioInfo} info */
   constructor(info) {
     this.info = info;
+    /** The step of its battle with which it begins: not 0 where that was followed or branched midway. */
+    this.firstStep = 0;
     /** Tells it from other tracks of the page. */
     this.serial = 0;
     this.units = info.units.length;

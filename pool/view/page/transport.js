@@ -126,7 +126,9 @@ export class Timeline {
     this.input.max = String(track.last);
     const value = String(Math.round(time));
     if (this.input.value !== value) this.input.value = value;
-    const text = `step ${Math.floor(time / TICKS_PER_STEP)}, tick ${Math.floor(time)} of ${track.last}`;
+    const first = track.firstStep * TICKS_PER_STEP,
+      now = first + Math.floor(time);
+    const text = `step ${Math.floor(now / TICKS_PER_STEP)}, tick ${now} of ${first + track.last}`;
     if (this.input.getAttribute("aria-valuetext") !== text) this.input.setAttribute("aria-valuetext", text);
   }
 }

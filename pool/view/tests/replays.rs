@@ -230,7 +230,10 @@ fn episodes_begin_in_the_state_of_a_snapshot() {
     spoilt["episodes"][1]["snapshot"] = "AAAA".into();
     let error = Replay::from_bytes(&gzip(spoilt.to_string().as_bytes()), "f").unwrap_err().to_string();
     assert!(error.contains("`episodes[1].snapshot` must be a state of this scenario"), "{error}");
-    smaclite_view::export_html(&copy).unwrap();
+    // The page counts the steps of the second one from 9 on.
+    let page = smaclite_view::export_html(&copy).unwrap();
+    assert_eq!(page.matches("\"first_step\":0,").count(), 2);
+    assert!(page.contains("\"steps\":16,\"first_step\":9,"));
 }
 
 /// The published code's greatest return grows with every reset, so that an episode depends on those before

@@ -9,7 +9,7 @@ use tungstenite::client::IntoClientRequest;
 use tungstenite::{Message, WebSocket};
 
 /// The version of the messages, as the scripts of the pages say it.
-pub const VERSION: u32 = 7;
+pub const VERSION: u32 = 8;
 
 /// A pool `train` whose page is served.
 pub struct Watched {

@@ -63,7 +63,6 @@ pub struct TypeInfo {
     attack_range: f64,
     /// How far agents of the type see.
     sight_range: f64,
-    speed: f64,
     plane: &'static str,
     #[cfg_attr(test, ts(type = "\"shot\" | \"beam\" | \"explosion\" | \"heal\""))]
     attack: &'static str,
@@ -119,15 +118,14 @@ pub(super) struct ReplayData {
 pub(super) struct EpisodeData {
     /// A text, because JavaScript has no 64-bit integers.
     seed: String,
-    #[cfg_attr(test, ts(type = "number"))]
-    draws: u64,
     steps: u32,
+    /// The step with which the recording begins.
+    first_step: u32,
     episode_return: f64,
     #[cfg_attr(test, ts(type = "\"won\" | \"lost\" | \"truncated\" | \"unfinished\""))]
     result: &'static str,
     /// Allies and enemies that died.
     dead: [u32; 2],
-    rewards: Vec<f64>,
     n_moments: usize,
     /// Compressed, in base64.
     moments: String,
@@ -191,7 +189,6 @@ fn type_info(unit_type: &UnitType, label: char, options: Option<&Smacv2>) -> Typ
         cooldown: unit_type.cooldown,
         attack_range: unit_type.attack_range,
         sight_range: agent_ranges(options, unit_type)[0],
-        speed: unit_type.speed,
         plane: unit_type.plane.name(),
         attack,
         attack_size,
@@ -202,25 +199,24 @@ fn type_info(unit_type: &UnitType, label: char, options: Option<&Smacv2>) -> Typ
 pub(super) fn episode(replay: &Replay, index: usize) -> Result<EpisodeData, ReplayError> {
     let mut player = replay.play(index)?;
     let mut moments = vec![player.moment().clone()];
-    let (mut steps, mut rewards) = (Vec::new(), Vec::new());
+    let first_step = player.battle().episode_length();
+    let mut steps = Vec::new();
     loop {
         encode_step(player.battle(), player.actions(player.step()), &mut steps);
         let Some(played) = player.play_step()? else {
             break;
         };
         moments.extend(played.moments);
-        rewards.push((played.step.reward * 1e4).round() / 1e4);
     }
     let episode = player.episode();
     let outcome = episode.outcome;
     Ok(EpisodeData {
         seed: episode.start.seed.to_string(),
-        draws: episode.start.draws,
         steps: outcome.steps,
+        first_step,
         episode_return: outcome.episode_return,
         result: outcome.result().map_or("unfinished", EpisodeResult::name),
         dead: [outcome.dead_allies, outcome.dead_enemies],
-        rewards,
         n_moments: moments.len(),
         moments: compressed(&encode_moments(&moments)),
         decisions: compressed(&steps),

@@ -93,7 +93,6 @@ impl WatchedLane {
         LaneInfo {
             scenario: scenario_info(&self.battles.scenario, &self.battles.arena),
             lane: lane.lane.clone(),
-            pid: lane.pid,
             num_envs: lane.settings.num_envs,
             rules: lane.rules.to_string(),
             no_grid: self.spectator.as_ref().err().cloned(),

@@ -13,7 +13,7 @@ import { messageOf } from "#view/dom.js";
  * The version of the messages that this page was written for.
  * @type {Version}
  */
-const VERSION = 7;
+const VERSION = 8;
 
 /** Milliseconds until a lost connection is tried again. */
 const RETRY_AFTER = 1000;

@@ -2,7 +2,7 @@
 import type { Outcome as SessionOutcome, Request as SessionRequest, ScenarioFiles } from "#playground/protocol.d.ts";
 import type { EpisodeResult, Features, ScenarioInfo } from "#view/data.d.ts";
 
-export type Version = 7;
+export type Version = 8;
 export type LaneStats = Record<
   "steps" | "episodes" | "wins" | "returns" | "lengths" | "frames"
   | "rejected" | "accepted" | "waited_ns",
@@ -81,7 +81,7 @@ target: string | null,
  */
 exists: boolean, base: Base, };
 export type SavedFiles = { "saved": { files: Array<string>, base: Base, } } | { "conflicts": Array<string> };
-export type LaneInfo = { scenario: ScenarioInfo, lane: string, pid: number, num_envs: number, rules: string, 
+export type LaneInfo = { scenario: ScenarioInfo, lane: string, num_envs: number, rules: string, 
 /**
  * Why there is no grid, if there is none.
  */

@@ -46,7 +46,6 @@ pub(crate) struct LaneInfo {
     #[cfg_attr(test, ts(type = "ScenarioInfo"))]
     pub(in crate::web) scenario: ScenarioInfo,
     pub(in crate::web) lane: String,
-    pub(in crate::web) pid: u32,
     pub(in crate::web) num_envs: usize,
     pub(in crate::web) rules: String,
     /// Why there is no grid, if there is none.

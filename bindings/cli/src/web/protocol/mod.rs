@@ -19,7 +19,7 @@ use ts_rs::TS;
 
 /// The version of these messages. It changes with them, and with those of the playground that they carry,
 /// because a page can stay open while the program is replaced; such a page is told to be reloaded.
-pub(super) const VERSION: u32 = 7;
+pub(super) const VERSION: u32 = 8;
 
 #[derive(Debug, Deserialize)]
 #[cfg_attr(test, derive(TS))]

@@ -167,7 +167,8 @@ export class FollowPlayer extends BattlePlayer {
   /** @param {number} number */
   newTrack(number) {
     const track = new Track(this.info);
-    track.serial = number;
+    const firstStep = this.listed.find((episode) => episode.number === number)?.first_step ?? 0;
+    Object.assign(track, { serial: number, firstStep });
     return track;
   }
 
@@ -285,7 +286,9 @@ export class FollowPlayer extends BattlePlayer {
   showObservation(step) {
     const { info, view, number, entry } = this,
       isKnown = entry !== undefined && step <= entry.steps;
-    this.observation.update({ info, unit: view.selected, episode: number, step }, this.features, isKnown);
+    const { firstStep } = view.track,
+      shown = { info, unit: view.selected, episode: number, step, firstStep };
+    this.observation.update(shown, this.features, isKnown);
   }
 
   /** Seconds since the shown moment happened. */
@@ -330,12 +333,16 @@ export class FollowPlayer extends BattlePlayer {
 
   listEpisodes() {
     /** @param {EpisodeInfo} episode */
-    const row = ({ number, steps, is_over, result: ended, newest_s }) => {
+    const row = ({ number, steps, first_step, is_over, result: ended, newest_s }) => {
       // One that was reset before its end has a newer one after it.
       const isRunning = !is_over && number === this.listed[0].number,
         known = ended ?? this.tracks.get(number)?.result ?? (is_over || isRunning ? null : "unfinished"),
         result = known ?? (is_over ? "over" : "running");
-      const cells = [String(number), known ? RESULTS[known] : titleCase(result), counted(steps, "step")];
+      const cells = [
+        String(number),
+        known ? RESULTS[known] : titleCase(result),
+        counted(first_step + steps, "step"),
+      ];
       cells.push(isRunning ? "now" : `${seconds(newest_s)} ago`);
       const button = make(
         "button",
