@@ -1,7 +1,7 @@
 // @ts-check
 // EpisodeList: the episodes of an opened replay.
 
-import { all, byId, make } from "#view/dom.js";
+import { byId, episodeRow } from "#view/dom.js";
 import { counted } from "#view/numbers.js";
 import { RESULTS } from "#view/player.js";
 import { textOf } from "./files.js";
@@ -47,20 +47,13 @@ export class EpisodeList {
    */
   row(episode, index) {
     const result = episode.result ?? "unfinished";
-    const button = make("button", { type: "button", title: `Checksum ${episode.checksum}` }, [
-      make("span", {}, String(index + 1)),
-      make("span", { className: `dot ${result}` }, RESULTS[result]),
-      make("span", {}, counted(episode.steps, "step")),
-      make("span", {}, episode.return.toFixed(2)),
-    ]);
-    button.addEventListener("click", () => this.open(index));
-    return make("li", {}, button);
-  }
-
-  /** @param {number} episode */
-  mark(episode) {
-    all("#episodes button").forEach((button, i) =>
-      button.setAttribute("aria-current", String(i === episode)),
-    );
+    const cells = [
+      String(index + 1),
+      RESULTS[result],
+      counted(episode.steps, "step"),
+      episode.return.toFixed(2),
+    ];
+    const title = `Checksum ${episode.checksum}`;
+    return episodeRow(cells, result, () => this.open(index), { title });
   }
 }

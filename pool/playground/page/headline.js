@@ -2,7 +2,7 @@
 // Headline: the name of the map, how the battle stands, and what it is played with.
 
 import { titleCase } from "#view/battle.js";
-import { byId, make } from "#view/dom.js";
+import { byId, showFacts } from "#view/dom.js";
 import { RESULTS } from "#view/player.js";
 
 /** @import { EpisodeResult } from "#view/data.d.ts" */
@@ -45,10 +45,6 @@ export class Headline {
       seed: begun.seed,
       ...(isAtEnd ? { return: episodeReturn.toFixed(2) } : {}),
     };
-    byId("facts").replaceChildren(
-      ...Object.entries(facts).map(([name, value]) =>
-        make("div", {}, [make("dt", {}, name), make("dd", {}, value)]),
-      ),
-    );
+    showFacts(facts);
   }
 }

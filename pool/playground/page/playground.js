@@ -4,7 +4,7 @@
 
 import { titleCase } from "#view/battle.js";
 import { Commander } from "#view/commander.js";
-import { byId, messageOf, showMessage } from "#view/dom.js";
+import { byId, markEpisode, messageOf, showMessage } from "#view/dom.js";
 import { everyFrame } from "#view/frames.js";
 import { ObservationCard } from "#view/observation.js";
 import { Track, bytesOf } from "#view/track.js";
@@ -473,7 +473,7 @@ export class Playground extends Commander {
   /** @param {number} episode */
   async openEpisode(episode) {
     await this.begin({ kind: "episode", episode }, DEFAULT_TEAM, null);
-    this.episodes.mark(episode);
+    markEpisode(episode);
   }
 
   /** @param {string} text */

@@ -3,6 +3,7 @@
 
 import { PlayView } from "#view/play_view.js";
 import { rectanglesOf } from "#view/squares.js";
+import { traceLine } from "#view/theme.js";
 
 /** @import { ScenarioInfo } from "#view/data.d.ts" */
 /** @import { Square } from "#view/brush.js" */
@@ -55,9 +56,7 @@ export class PlaygroundView extends PlayView {
       from = this.toCanvas(x, y),
       { context } = this;
     this.drawMark(at, Math.max(3, this.radius(unit)), true);
-    context.beginPath();
-    context.moveTo(from.x, from.y);
-    context.lineTo(at.x, at.y);
+    traceLine(context, [from.x, from.y], [at.x, at.y]);
     context.stroke();
   }
 

@@ -1,7 +1,7 @@
 // @ts-check
 // The entry of the page that has its engine inside.
 
-import { byId } from "#view/dom.js";
+import { BROWSERS, byId, say } from "#view/dom.js";
 import { inflate } from "#view/track.js";
 import { WasmEngine } from "./engine.js";
 import { startPlayground } from "./main.js";
@@ -14,8 +14,6 @@ async function startInPage(data) {
 }
 
 startInPage(JSON.parse(byId("data").textContent)).catch((error) => {
-  byId("message").hidden = false;
-  const browsers = "Firefox 113, Chrome 103, Safari 16.4, or newer";
-  byId("message").textContent = `The page cannot start: ${error.message}. It needs ${browsers}.`;
+  say(`The page cannot start: ${error.message}. It needs ${BROWSERS}.`);
   console.error(error);
 });

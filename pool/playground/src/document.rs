@@ -25,7 +25,6 @@ const MODULES: &[Module] = modules![
     "editor/history.js",
     "editor/json.js",
     "editor/map.js",
-    "editor/message.js",
     "editor/problems.js",
     "editor/reader.js",
     "editor/squares.js",

@@ -5,7 +5,7 @@ import { MapView } from "./camera.js";
 import { FACTION_COLOURS, drawDeaths, drawEffects, hitFlashes } from "./effects.js";
 import { clamp } from "./numbers.js";
 import { TerrainLayer } from "./terrain.js";
-import { theme } from "./theme.js";
+import { theme, traceCircle, traceLine } from "./theme.js";
 import { Track } from "./track.js";
 
 /** @import { Box, Point } from "./camera.js" */
@@ -225,8 +225,7 @@ export class BattleView extends MapView {
    */
   drawMark(at, r, isSelected) {
     const { context } = this;
-    context.beginPath();
-    context.arc(at.x, at.y, r, 0, 2 * Math.PI);
+    traceCircle(context, at.x, at.y, r);
     context.lineWidth = isSelected ? 2.2 : 1.2;
     context.strokeStyle = isSelected ? theme.colours.focus : theme.faint("text", 0.6);
     context.stroke();
@@ -330,8 +329,7 @@ export class BattleView extends MapView {
      * @param {number} fill
      */
     const circle = (radius, dash, opacity, fill) => {
-      context.beginPath();
-      context.arc(at.x, at.y, radius * scale, 0, 2 * Math.PI);
+      traceCircle(context, at.x, at.y, radius * scale);
       context.setLineDash(dash);
       context.lineWidth = 1.2;
       context.strokeStyle = theme.faint("focus", opacity);
@@ -345,16 +343,13 @@ export class BattleView extends MapView {
     if (state.target < 0 || !this.states[state.target].alive) return;
     const target = this.states[state.target],
       on = this.toCanvas(target.x, target.y);
-    context.beginPath();
-    context.moveTo(at.x, at.y);
-    context.lineTo(on.x, on.y);
+    traceLine(context, [at.x, at.y], [on.x, on.y]);
     context.setLineDash([4, 4]);
     context.lineWidth = 1.6;
     context.strokeStyle = theme.colours[tone];
     context.stroke();
     context.setLineDash([]);
-    context.beginPath();
-    context.arc(on.x, on.y, this.radius(state.target) + 5, 0, 2 * Math.PI);
+    traceCircle(context, on.x, on.y, this.radius(state.target) + 5);
     context.stroke();
   }
 

@@ -3,7 +3,7 @@
 
 import { FACTION_COLOURS } from "./effects.js";
 import { clamp } from "./numbers.js";
-import { fitCanvas, theme } from "./theme.js";
+import { fitCanvas, theme, traceCircle, traceLine } from "./theme.js";
 import { TICKS_PER_SECOND, TICKS_PER_STEP } from "./transport.js";
 
 /** @import { Track } from "./track.js" */
@@ -53,9 +53,7 @@ export class HealthChart {
     context.lineWidth = 1;
     for (const share of [0, 0.5, 1]) {
       context.fillText(`${share * 100}%`, inset - 5, y(share));
-      context.beginPath();
-      context.moveTo(inset, Math.round(y(share)) + 0.5);
-      context.lineTo(width - 4, Math.round(y(share)) + 0.5);
+      traceLine(context, [inset, Math.round(y(share)) + 0.5], [width - 4, Math.round(y(share)) + 0.5]);
       context.strokeStyle = colours.line;
       context.stroke();
     }
@@ -63,15 +61,12 @@ export class HealthChart {
     this.drawSeconds(context, x, height);
     const now = x(Math.min(time, track.last)),
       moment = Math.min(Math.floor(time), track.last);
-    context.beginPath();
-    context.moveTo(now, top - 4);
-    context.lineTo(now, bottom);
+    traceLine(context, [now, top - 4], [now, bottom]);
     context.lineWidth = 1.4;
     context.strokeStyle = colours.text;
     context.stroke();
     for (const faction of [1, 0]) {
-      context.beginPath();
-      context.arc(now, y(track.health[faction][moment]), 3.6, 0, 2 * Math.PI);
+      traceCircle(context, now, y(track.health[faction][moment]), 3.6);
       context.fillStyle = colours[FACTION_COLOURS[faction]];
       context.fill();
       context.lineWidth = 1.5;

@@ -3,7 +3,6 @@
 // orders.
 
 import { byId } from "./dom.js";
-import { Controls } from "./controls.js";
 import { clamp } from "./numbers.js";
 import { PlayView } from "./play_view.js";
 import { BattlePlayer } from "./player.js";
@@ -194,31 +193,17 @@ export class Commander extends BattlePlayer {
     byId("stop").addEventListener("click", () => this.give(() => ({ type: "stop" })));
   }
 
-  /** @param {HTMLCanvasElement} canvas */
-  listenToPointer(canvas) {
-    new Controls(canvas, () => this.handlers());
-  }
-
   /**
    * What mouse and fingers do now: they select agents and command them.
    * @returns {Handlers}
    */
   handlers() {
     return {
+      ...super.handlers(),
       tap: (at, how) => this.tap(at, how),
       draw: (box) => this.drawBox(box),
       box: (box, add) => this.boxed(box, add),
       command: (at) => this.commandAt(at),
-      move: (dx, dy) => {
-        this.view.move(dx, dy);
-        this.redraw();
-      },
-      zoom: (factor, at) => {
-        this.view.zoom(factor, ...at);
-        this.redraw();
-      },
-      hover: (at) => this.hover(...at),
-      leave: () => this.hover(-1e6, -1e6),
     };
   }
 

@@ -10,7 +10,7 @@
  * @property {(at: At, how: { add: boolean, isDouble: boolean, isTouch: boolean }) => void} tap
  * @property {(box: Rectangle) => void} draw A box is drawn.
  * @property {(box: Rectangle | null, add: boolean) => void} box It is complete; or none, if it was given up.
- * @property {(at: At) => void} command
+ * @property {(at: At) => void} [command] What the right button does in place of a menu.
  * @property {(dx: number, dy: number) => void} move
  * @property {(factor: number, at: At) => void} zoom
  * @property {(at: At) => void} hover
@@ -28,6 +28,20 @@ const DOUBLE_NEAR = 24;
  * @param {At} b
  */
 const distance = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1]);
+
+/**
+ * Where a pointer is on a canvas.
+ * @param {HTMLCanvasElement} canvas
+ * @param {MouseEvent} event
+ * @returns {At}
+ */
+export function placeOn(canvas, { clientX, clientY }) {
+  const { left, top } = canvas.getBoundingClientRect();
+  return [clientX - left, clientY - top];
+}
+
+/** @param {WheelEvent} event */
+export const wheelFactor = ({ deltaY }) => Math.exp(-deltaY * 0.0015);
 
 export class Controls {
   /**
@@ -49,12 +63,12 @@ export class Controls {
     canvas.addEventListener("pointerup", (event) => this.up(event));
     canvas.addEventListener("pointercancel", (event) => this.cancel(event));
     canvas.addEventListener("pointerleave", () => this.handlers.leave());
-    canvas.addEventListener("contextmenu", (event) => event.preventDefault());
+    canvas.addEventListener("contextmenu", (event) => this.handlers.command && event.preventDefault());
     canvas.addEventListener(
       "wheel",
       (event) => {
         event.preventDefault();
-        this.handlers.zoom(Math.exp(-event.deltaY * 0.0015), this.local(event));
+        this.handlers.zoom(wheelFactor(event), this.local(event));
       },
       { passive: false },
     );
@@ -64,21 +78,16 @@ export class Controls {
     return this.now();
   }
 
-  /**
-   * Where a pointer is on the canvas.
-   * @param {MouseEvent} event
-   * @returns {At}
-   */
+  /** @param {MouseEvent} event */
   local(event) {
-    const { left, top } = this.canvas.getBoundingClientRect();
-    return [event.clientX - left, event.clientY - top];
+    return placeOn(this.canvas, event);
   }
 
   /** @param {PointerEvent} event */
   down(event) {
     const at = this.local(event),
       isTouch = event.pointerType !== "mouse";
-    if (event.button === 2) return this.handlers.command(at);
+    if (event.button === 2) return this.handlers.command?.(at);
     this.canvas.setPointerCapture(event.pointerId);
     this.pressed.set(event.pointerId, at);
     this.moves ||= this.pressed.size > 1 || event.button === 1;

@@ -46,6 +46,9 @@ export function download(name, content, type) {
   setTimeout(() => URL.revokeObjectURL(url), 10_000);
 }
 
+/** What can show a page. */
+export const BROWSERS = "Firefox 113, Chrome 103, Safari 16.4, or newer";
+
 /** @typedef {Node | string} Child */
 
 /**
@@ -66,6 +69,69 @@ export function make(tag, properties = {}, children = []) {
   return element;
 }
 
+/**
+ * Names with their values, as a list of descriptions has them.
+ * @param {Iterable<[name: string, value: Child | number]>} rows
+ */
+export const pairsOf = (rows) =>
+  [...rows].flatMap(([name, value]) => [
+    make("dt", {}, name),
+    make("dd", {}, typeof value === "number" ? String(value) : value),
+  ]);
+
+/**
+ * Shows facts beside the name of the page.
+ * @param {{ [name: string]: string | number }} facts
+ */
+export const showFacts = (facts) =>
+  byId("facts").replaceChildren(...Object.entries(facts).map((fact) => make("div", {}, pairsOf([fact]))));
+
+/**
+ * A row of a list of episodes: its number, how it ended, and more.
+ * @param {string[]} cells
+ * @param {string} result
+ * @param {() => void} open
+ * @param {{ [key: string]: unknown }} [properties]
+ */
+export function episodeRow(cells, result, open, properties = {}) {
+  const spans = cells.map((cell, at) => make("span", { className: at === 1 ? `dot ${result}` : "" }, cell)),
+    button = make("button", { type: "button", ...properties }, spans);
+  button.addEventListener("click", open);
+  return make("li", {}, button);
+}
+
+/**
+ * Marks the shown one in a list of episodes.
+ * @param {number} episode
+ */
+export const markEpisode = (episode) =>
+  all("#episodes button").forEach((button, i) => button.setAttribute("aria-current", String(i === episode)));
+
+/** Milliseconds for which `tell` shows a message. */
+const SHOWN_FOR = 6000;
+
+/** @type {ReturnType<typeof setTimeout> | undefined} */
+let quiet;
+
+/**
+ * Shows a message: what was done, or why it was not. An empty one hides it.
+ * @param {string} text
+ */
+export function say(text, isError = true) {
+  clearTimeout(quiet);
+  Object.assign(byId("message"), { hidden: !text, textContent: text });
+  byId("message").classList.toggle("info", !isError);
+}
+
+/**
+ * Shows a message that goes away.
+ * @param {string} text
+ */
+export function tell(text, isError = false) {
+  say(text, isError);
+  quiet = setTimeout(() => say(""), SHOWN_FOR);
+}
+
 /** Letters of a message: names in it can be as long as a link. */
 const LONGEST_MESSAGE = 500;
 
@@ -74,10 +140,8 @@ const LONGEST_MESSAGE = 500;
  * @param {string} text
  */
 export function showMessage(text) {
-  byId("message").textContent = text.length > LONGEST_MESSAGE ? `${text.slice(0, LONGEST_MESSAGE)}…` : text;
-  byId("message").hidden = false;
-  const hide = () => (byId("message").hidden = true);
-  for (const event of ["pointerdown", "keydown"]) addEventListener(event, hide, { once: true });
+  say(text.length > LONGEST_MESSAGE ? `${text.slice(0, LONGEST_MESSAGE)}…` : text);
+  for (const event of ["pointerdown", "keydown"]) addEventListener(event, () => say(""), { once: true });
 }
 
 /**

@@ -2,7 +2,7 @@
 // Effects: attacks, heals, explosions and deaths, as functions of the time since they happened.
 
 import { clamp, easeOut } from "./numbers.js";
-import { reducedMotion, theme } from "./theme.js";
+import { reducedMotion, theme, traceCircle, traceLine } from "./theme.js";
 
 /** @import { BattleView } from "./battle.js" */
 /** @import { Attack, Track } from "./track.js" */
@@ -119,9 +119,7 @@ function drawShot(view, at, attack, age, tone) {
    * @param {number} opacity
    */
   const line = (width, opacity) => {
-    context.beginPath();
-    context.moveTo(tx, ty);
-    context.lineTo(hx, hy);
+    traceLine(context, [tx, ty], [hx, hy]);
     context.lineWidth = width;
     context.strokeStyle = theme.faint(tone, opacity);
     context.stroke();
@@ -156,9 +154,7 @@ function drawProjectile(view, at, attack, age, tone) {
     [0.24, 0.25],
     [0.11, 0.95],
   ]) {
-    context.beginPath();
-    context.moveTo(x - ux * tail, y - uy * tail);
-    context.lineTo(x, y);
+    traceLine(context, [x - ux * tail, y - uy * tail], [x, y]);
     context.lineWidth = Math.max(1.5, view.scale * width);
     context.strokeStyle = theme.faint(tone, opacity);
     context.stroke();
@@ -206,9 +202,7 @@ function drawRay(view, at, attack, age, tone) {
     [0.22, 0.25],
     [0.08, 0.95],
   ]) {
-    context.beginPath();
-    context.moveTo(x0, y0);
-    context.lineTo(x1, y1);
+    traceLine(context, [x0, y0], [x1, y1]);
     context.lineWidth = Math.max(1, view.scale * width * fade);
     context.strokeStyle = theme.faint(tone, opacity * fade);
     context.stroke();
@@ -260,8 +254,7 @@ function drawBlast(view, attack, age, tick, tone) {
   glow.addColorStop(0, theme.faint(tone, 0.55 * fade));
   glow.addColorStop(0.7, theme.faint(tone, 0.25 * fade));
   glow.addColorStop(1, theme.faint(tone, 0.05 * fade));
-  context.beginPath();
-  context.arc(at.x, at.y, size, 0, 2 * Math.PI);
+  traceCircle(context, at.x, at.y, size);
   context.fillStyle = glow;
   context.fill();
   context.lineWidth = Math.max(1, view.scale * 0.09 * fade);
@@ -280,9 +273,7 @@ function drawHeal(view, at, attack, age, time) {
   const { context } = view,
     { x0, y0, x1, y1 } = edgePoints(view, at, attack),
     fade = 1 - clamp((age - 1) / (HEAL_TICKS - 1));
-  context.beginPath();
-  context.moveTo(x0, y0);
-  context.lineTo(x1, y1);
+  traceLine(context, [x0, y0], [x1, y1]);
   context.lineWidth = Math.max(1.5, view.scale * 0.07);
   context.setLineDash([view.scale * 0.16, view.scale * 0.16]);
   context.lineDashOffset = reducedMotion.matches ? 0 : -time * view.scale * 0.12;
@@ -345,8 +336,7 @@ export function drawDeaths(view, time) {
     context.strokeStyle = theme.faint(tone, 0.85 - 0.45 * part);
     context.stroke();
     if (part < 1) {
-      context.beginPath();
-      context.arc(at.x, at.y, view.radius(unit) * (1 + 0.8 * easeOut(part)), 0, 2 * Math.PI);
+      traceCircle(context, at.x, at.y, view.radius(unit) * (1 + 0.8 * easeOut(part)));
       context.lineWidth = Math.max(1, view.scale * 0.1 * (1 - part));
       context.strokeStyle = theme.faint(tone, 0.9 * (1 - part));
       context.stroke();

@@ -3,7 +3,7 @@
 
 import { actionName } from "./actions.js";
 import { titleCase, unitName } from "./battle.js";
-import { all, byId, isTouch, make } from "./dom.js";
+import { all, byId, isTouch, make, pairsOf } from "./dom.js";
 import { clamp } from "./numbers.js";
 import { TICKS_PER_SECOND, TICKS_PER_STEP } from "./transport.js";
 
@@ -234,11 +234,7 @@ export class Inspector {
       ["Range", `${type.attack_range} squares, sight ${type.sight_range}`],
     ];
     if (!alive) rows.unshift(["State", died]);
-    return make(
-      "dl",
-      { className: "pairs" },
-      rows.flatMap(([name, value]) => [make("dt", {}, name), make("dd", {}, [value])]),
-    );
+    return make("dl", { className: "pairs" }, pairsOf(rows));
   }
 
   /**

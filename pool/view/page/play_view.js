@@ -3,7 +3,7 @@
 
 import { BattleView } from "./battle.js";
 import { clamp } from "./numbers.js";
-import { contextOf, theme } from "./theme.js";
+import { contextOf, theme, traceCircle, traceLine } from "./theme.js";
 import { Selection, seenBy, unitsIn } from "./selection.js";
 
 /** @import { Order, ScenarioInfo } from "./data.d.ts" */
@@ -97,8 +97,7 @@ export class PlayView extends BattleView {
     context.fillStyle = "#000000";
     for (const { x, y, sight } of eyes) {
       const at = this.toCanvas(x, y);
-      context.beginPath();
-      context.arc(at.x, at.y, sight * this.scale, 0, 2 * Math.PI);
+      traceCircle(context, at.x, at.y, sight * this.scale);
       context.fill();
     }
     this.context.drawImage(fog, 0, 0, this.width, this.height);
@@ -123,13 +122,10 @@ export class PlayView extends BattleView {
     context.strokeStyle = theme.faint(tone, 0.85);
     context.lineWidth = 1.6;
     context.setLineDash([5, 4]);
-    context.beginPath();
-    context.moveTo(from.x, from.y);
-    context.lineTo(to.x, to.y);
+    traceLine(context, [from.x, from.y], [to.x, to.y]);
     context.stroke();
     context.setLineDash([]);
-    context.beginPath();
-    context.arc(to.x, to.y, target ? this.radius(target.unit) + 6 : 5, 0, 2 * Math.PI);
+    traceCircle(context, to.x, to.y, target ? this.radius(target.unit) + 6 : 5);
     context.lineWidth = 2;
     context.stroke();
   }

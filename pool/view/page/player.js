@@ -3,11 +3,13 @@
 
 import { BattleView } from "./battle.js";
 import { HealthChart } from "./chart.js";
+import { Controls } from "./controls.js";
 import { all, byId, listenToSkip, make } from "./dom.js";
 import { Inspector } from "./inspector.js";
 import { theme } from "./theme.js";
 import { Clock, TICKS_PER_SECOND, TICKS_PER_STEP, Timeline } from "./transport.js";
 
+/** @import { At, Handlers } from "./controls.js" */
 /** @import { ScenarioInfo } from "./data.d.ts" */
 /** @import { Track } from "./track.js" */
 
@@ -20,11 +22,8 @@ export class BattlePlayer {
     this.clock = new Clock();
     /** What is drawn; empty if something else is to be. */
     this.drawn = "";
-    /**
-     * Where the pointer was last while it drags, and whether that moved the map.
-     * @type {{ from: [number, number], hasMoved: boolean } | null}
-     */
-    this.drag = null;
+    /** @type {At | null} Where the pointer was last that moves the map. */
+    this.panned = null;
     this.view = this.viewOf(info);
     this.inspector = new Inspector(info, (unit, add) => this.select(unit, add));
     this.timeline = new Timeline(byId("marks"), byId("scrub"), (tick) => this.seek(tick));
@@ -207,7 +206,7 @@ export class BattlePlayer {
       "click",
       (event) => event.detail > 0 && /** @type {Element} */ (event.target).closest?.("button")?.blur(),
     );
-    this.listenToPointer(byId("battle"));
+    new Controls(byId("battle"), () => this.handlers());
   }
 
   /** @param {number} ticks */
@@ -261,39 +260,40 @@ export class BattlePlayer {
     return commands[key];
   }
 
-  /** @param {HTMLCanvasElement} canvas */
-  listenToPointer(canvas) {
-    canvas.addEventListener("pointerdown", (event) => {
-      canvas.setPointerCapture(event.pointerId);
-      this.drag = { from: this.local(event), hasMoved: false };
-    });
-    canvas.addEventListener("pointermove", (event) =>
-      this.drag ? this.dragTo(this.drag, this.local(event)) : this.hover(...this.local(event)),
-    );
-    canvas.addEventListener("pointerup", (event) => {
-      if (this.drag && !this.drag.hasMoved) this.click(...this.local(event));
-      this.release();
-    });
-    canvas.addEventListener("pointercancel", () => this.release());
-    canvas.addEventListener("pointerleave", () => {
-      this.view.hovered = -1;
-      this.redraw();
-    });
-    canvas.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
-    canvas.addEventListener("dblclick", () => {
-      this.view.camera = null;
-      this.redraw();
-    });
+  /**
+   * What mouse and fingers do now.
+   * @returns {Handlers}
+   */
+  handlers() {
+    return {
+      tap: (at, { isDouble }) => {
+        this.click(...at);
+        if (isDouble) this.view.camera = null;
+        this.redraw();
+      },
+      draw: ({ x0, y0, x1, y1 }) => {
+        const [x, y] = this.panned ?? [x0, y0];
+        this.pan([x1, y1]);
+        this.handlers().move(x1 - x, y1 - y);
+      },
+      box: () => this.pan(null),
+      move: (dx, dy) => {
+        this.view.move(dx, dy);
+        this.redraw();
+      },
+      zoom: (factor, at) => {
+        this.view.zoom(factor, ...at);
+        this.redraw();
+      },
+      hover: (at) => this.hover(...at),
+      leave: () => this.hover(-1e6, -1e6),
+    };
   }
 
-  /**
-   * Where the pointer is on the canvas.
-   * @param {MouseEvent} event
-   * @returns {[number, number]}
-   */
-  local(event) {
-    const { left, top } = this.view.canvas.getBoundingClientRect();
-    return [event.clientX - left, event.clientY - top];
+  /** @param {At | null} at Where the map is moved to; null at the end. */
+  pan(at) {
+    this.panned = at;
+    this.view.canvas.classList.toggle("moving", at !== null);
   }
 
   /**
@@ -309,38 +309,11 @@ export class BattlePlayer {
   }
 
   /**
-   * @param {{ from: [number, number], hasMoved: boolean }} drag
-   * @param {[number, number]} at
-   */
-  dragTo(drag, at) {
-    const { view } = this;
-    const [dx, dy] = [at[0] - drag.from[0], at[1] - drag.from[1]];
-    // A click that trembles moves nothing.
-    if (!drag.hasMoved && Math.hypot(dx, dy) < 4) return;
-    this.drag = { from: at, hasMoved: true };
-    view.canvas.classList.add("moving");
-    view.move(dx, dy);
-    this.redraw();
-  }
-
-  /**
    * @param {number} x
    * @param {number} y
    */
   click(x, y) {
     const unit = this.view.unitAt(x, y);
     if (unit >= 0 || this.view.selected >= 0) this.select(unit);
-  }
-
-  release() {
-    this.drag = null;
-    this.view.canvas.classList.remove("moving");
-  }
-
-  /** @param {WheelEvent} event */
-  wheel(event) {
-    event.preventDefault();
-    this.view.zoom(Math.exp(-event.deltaY * 0.0015), ...this.local(event));
-    this.redraw();
   }
 }

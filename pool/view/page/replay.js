@@ -2,7 +2,7 @@
 // The page of a replay: reads the data in the document, and lists its episodes.
 
 import { PLAY, THEMES, readAddress } from "./address.js";
-import { all, byId, make, showMessage } from "./dom.js";
+import { BROWSERS, byId, episodeRow, markEpisode, say, showFacts, showMessage } from "./dom.js";
 import { everyFrame } from "./frames.js";
 import { counted } from "./numbers.js";
 import { BattlePlayer, RESULTS } from "./player.js";
@@ -92,15 +92,9 @@ class ReplayPage extends BattlePlayer {
       seed: episode.seed,
       rules: this.data.rules,
     };
-    byId("facts").replaceChildren(
-      ...Object.entries(facts).map(([name, value]) =>
-        make("div", {}, [make("dt", {}, name), make("dd", {}, String(value))]),
-      ),
-    );
+    showFacts(facts);
     byId("facts").title = `Recorded by ${this.data.program}`;
-    all("#episodes button").forEach((button, i) =>
-      button.setAttribute("aria-current", String(i === this.episode)),
-    );
+    markEpisode(this.episode);
   }
 
   listEpisodes() {
@@ -115,15 +109,7 @@ class ReplayPage extends BattlePlayer {
             counted(episode.steps, "step"),
             episode.episode_return.toFixed(2),
           ];
-          const button = make(
-            "button",
-            { type: "button" },
-            cells.map((cell, at) =>
-              make("span", { className: at === 1 ? `dot ${episode.result}` : "" }, cell),
-            ),
-          );
-          button.addEventListener("click", () => this.open(i));
-          return make("li", {}, button);
+          return episodeRow(cells, episode.result, () => this.open(i));
         }),
       );
   }
@@ -139,9 +125,6 @@ class ReplayPage extends BattlePlayer {
 
 theme.start();
 new ReplayPage(JSON.parse(byId("data").textContent)).start().catch((error) => {
-  const message = byId("message");
-  message.hidden = false;
-  const browsers = "Firefox 113, Chrome 103, Safari 16.4, or newer";
-  message.textContent = `The replay cannot be shown: ${error.message}. The page needs ${browsers}.`;
+  say(`The replay cannot be shown: ${error.message}. The page needs ${BROWSERS}.`);
   console.error(error);
 });

@@ -1,7 +1,7 @@
 // @ts-check
 // TerrainLayer: the map of a battle, painted once for each camera and then copied.
 
-import { contextOf, theme } from "./theme.js";
+import { contextOf, theme, traceCircle } from "./theme.js";
 
 /** @import { BattleView } from "./battle.js" */
 /** @typedef {[x: number, y: number, width: number, height: number]} Rect */
@@ -165,12 +165,10 @@ export class TerrainLayer {
     context.strokeStyle = theme.faint("enemy", 0.45);
     context.lineWidth = Math.max(1, this.view.scale * 0.05);
     context.setLineDash([size * 0.3, size * 0.2]);
-    context.beginPath();
-    context.arc(x, y, size, 0, 2 * Math.PI);
+    traceCircle(context, x, y, size);
     context.stroke();
     context.setLineDash([]);
-    context.beginPath();
-    context.arc(x, y, size * 0.18, 0, 2 * Math.PI);
+    traceCircle(context, x, y, size * 0.18);
     context.fillStyle = theme.faint("enemy", 0.45);
     context.fill();
   }

@@ -113,3 +113,25 @@ export function fitCanvas(canvas) {
   context.setTransform(ratio, 0, 0, ratio, 0, 0);
   return { context, width, height, ratio };
 }
+
+/**
+ * Begins a path that is a line through points.
+ * @param {CanvasRenderingContext2D} context
+ * @param {[x: number, y: number][]} points
+ */
+export function traceLine(context, ...points) {
+  context.beginPath();
+  for (const point of points) context.lineTo(...point);
+}
+
+/**
+ * Begins a path that is a circle.
+ * @param {CanvasRenderingContext2D} context
+ * @param {number} x
+ * @param {number} y
+ * @param {number} radius
+ */
+export function traceCircle(context, x, y, radius) {
+  context.beginPath();
+  context.arc(x, y, radius, 0, 2 * Math.PI);
+}

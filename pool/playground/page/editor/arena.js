@@ -1,9 +1,8 @@
 // @ts-check
 // Arena: plays the scenario, in a frame with the playground.
 
-import { byId, make, messageOf } from "#view/dom.js";
+import { byId, make, messageOf, tell } from "#view/dom.js";
 import { linkOf } from "../link.js";
-import { tell } from "./message.js";
 
 /** @import { EditorPage } from "./editor.js" */
 

@@ -1,10 +1,9 @@
 // @ts-check
 // Commands: what the buttons and the keys of the editor do.
 
-import { all, byId, listenToSkip } from "#view/dom.js";
+import { all, byId, listenToSkip, tell } from "#view/dom.js";
 import { theme } from "#view/theme.js";
 import { seedOfField } from "./arena.js";
-import { tell } from "./message.js";
 import { TABS } from "./problems.js";
 import { TOOL_KEYS } from "./tools.js";
 

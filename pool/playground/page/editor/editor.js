@@ -2,7 +2,7 @@
 // EditorPage: connects the document, the map, the forms and the engine.
 
 import { readAddress } from "#view/address.js";
-import { all, byId, make, messageOf } from "#view/dom.js";
+import { all, byId, make, messageOf, say } from "#view/dom.js";
 import { everyFrame } from "#view/frames.js";
 import { clamp } from "#view/numbers.js";
 import { theme } from "#view/theme.js";
@@ -14,7 +14,6 @@ import { button } from "./fields.js";
 import { FileStore, filesOfLink } from "./files.js";
 import { GroupsPanel, ScenarioPanel } from "./groups.js";
 import { MapEditor } from "./map.js";
-import { say } from "./message.js";
 import { Checker, TABS } from "./problems.js";
 import { TextPanel } from "./text.js";
 import { TOOL_HINTS } from "./tools.js";

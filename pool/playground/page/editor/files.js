@@ -1,12 +1,11 @@
 // @ts-check
 // FileStore: opens files of the browser's user, and saves: in place through the program, or by download.
 
-import { download, messageOf } from "#view/dom.js";
+import { download, messageOf, tell } from "#view/dom.js";
 import { stemOf } from "./document.js";
 import { linkParts, scenarioOf } from "../link.js";
 import { isText, nameOf, textOfFile } from "../scenario.js";
 import { JsonText } from "./json.js";
-import { tell } from "./message.js";
 
 /** @import { EditorPage } from "./editor.js" */
 /** @import { Builtins, ScenarioFiles } from "../protocol.d.ts" */

@@ -3,7 +3,7 @@
 // show where: the box and the cross of the selected group, the flag, and a question mark for a group without
 // units.
 
-import { theme } from "#view/theme.js";
+import { theme, traceCircle } from "#view/theme.js";
 import { isNumber } from "./document.js";
 
 /** @import { MapEditor } from "./map.js" */
@@ -132,8 +132,7 @@ export class Handles {
       const { x, y, faction } = this.map.page.doc.groups()[index];
       if (!isNumber(x) || !isNumber(y)) continue;
       const at = this.map.toCanvas(x, y);
-      context.beginPath();
-      context.arc(at.x, at.y, 13, 0, 2 * Math.PI);
+      traceCircle(context, at.x, at.y, 13);
       context.setLineDash([4, 3]);
       context.lineWidth = 2;
       context.strokeStyle = theme.colours[faction === "ENEMY" ? "enemy" : "ally"];

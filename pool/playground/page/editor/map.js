@@ -3,7 +3,7 @@
 
 import { BattleView } from "#view/battle.js";
 import { Brush, LARGEST_BRUSH, squareFrom } from "#view/brush.js";
-import { moveMap } from "#view/controls.js";
+import { moveMap, placeOn, wheelFactor } from "#view/controls.js";
 import { clamp } from "#view/numbers.js";
 import { rectanglesOf } from "#view/squares.js";
 import { isNumber } from "./document.js";
@@ -153,13 +153,9 @@ export class MapEditor extends BattleView {
     canvas.addEventListener("keydown", (event) => this.key(event));
   }
 
-  /**
-   * @param {MouseEvent} event
-   * @returns {Point}
-   */
-  local({ clientX, clientY }) {
-    const { left, top } = this.canvas.getBoundingClientRect();
-    return [clientX - left, clientY - top];
+  /** @param {MouseEvent} event */
+  local(event) {
+    return placeOn(this.canvas, event);
   }
 
   /** @param {Point} at */
@@ -171,7 +167,7 @@ export class MapEditor extends BattleView {
   /** @param {WheelEvent} event */
   wheel(event) {
     event.preventDefault();
-    this.zoom(Math.exp(-event.deltaY * 0.0015), ...this.local(event));
+    this.zoom(wheelFactor(event), ...this.local(event));
     this.page.redraw();
   }
 

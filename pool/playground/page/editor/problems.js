@@ -1,13 +1,12 @@
 // @ts-check
 // Checker: requests what is wrong with the files, and shows it in the list, the fields and the tabs.
 
-import { all, byId, make, messageOf } from "#view/dom.js";
+import { all, byId, make, messageOf, tell } from "#view/dom.js";
 import { counted } from "#view/numbers.js";
 import { EngineLost } from "../engine.js";
 import { seedOfField } from "./arena.js";
 import { NAME_RULE, UNIT_NAME, isNumber, stemOf } from "./document.js";
 import { button, fieldKey } from "./fields.js";
-import { tell } from "./message.js";
 
 /** @import { EditorPage } from "./editor.js" */
 /** @import { CheckedFiles, Problem, Summary } from "../protocol.d.ts" */

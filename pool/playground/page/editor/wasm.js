@@ -2,11 +2,10 @@
 // The entry of the editor that has its engine inside. It begins with the scenario of the address, as
 // `#scenario=2s3z` or one that the playground hands over, and saves by download.
 
-import { byId, messageOf } from "#view/dom.js";
+import { byId, messageOf, say } from "#view/dom.js";
 import { inflate } from "#view/track.js";
 import { WasmEngine } from "../engine.js";
 import { startEditor } from "./editor.js";
-import { say } from "./message.js";
 
 /** @import { Builtins } from "../protocol.d.ts" */
 

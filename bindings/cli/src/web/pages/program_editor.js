@@ -2,8 +2,7 @@
 // The entry of the editor of a program, which opens and saves the files that its command names.
 
 import { startEditor } from "#playground/editor/editor.js";
-import { say } from "#playground/editor/message.js";
-import { byId, messageOf } from "#view/dom.js";
+import { byId, messageOf, say } from "#view/dom.js";
 import { LARGEST_FILES } from "./connection.js";
 import { ProgramEngine } from "./program_engine.js";
 

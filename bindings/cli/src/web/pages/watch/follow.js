@@ -2,7 +2,7 @@
 // FollowPlayer: plays the episodes of one environment, tick by tick, as its log grows.
 
 import { titleCase } from "#view/battle.js";
-import { byId, download, make, messageOf } from "#view/dom.js";
+import { byId, download, episodeRow, messageOf, say, showFacts } from "#view/dom.js";
 import { clamp, counted } from "#view/numbers.js";
 import { ObservationCard } from "#view/observation.js";
 import { BattlePlayer, RESULTS } from "#view/player.js";
@@ -93,9 +93,9 @@ export class FollowPlayer extends BattlePlayer {
     this.clock.playing = true;
     byId("result").textContent = "Waiting";
     byId("result").className = "badge";
-    byId("facts").replaceChildren();
+    showFacts({});
     byId("episode-list").replaceChildren();
-    byId("message").hidden = true;
+    say("");
   }
 
   /**
@@ -215,8 +215,7 @@ export class FollowPlayer extends BattlePlayer {
     if (error instanceof ConnectionLost) return; // the page says so
     // An episode that the program has forgotten; the list says which ones there are.
     if (!this.isNewest) return this.newest();
-    byId("message").hidden = false;
-    byId("message").textContent = `Steps of this episode cannot be read: ${messageOf(error)}`;
+    say(`Steps of this episode cannot be read: ${messageOf(error)}`);
   }
 
   /**
@@ -224,7 +223,7 @@ export class FollowPlayer extends BattlePlayer {
    * @param {Steps} response
    */
   append(entry, response) {
-    byId("message").hidden = true;
+    say("");
     this.isStalled = response.steps === 0 && (response.n_moments === 0 || entry.track.length > 0);
     if (response.step !== entry.steps || this.tracks.get(response.number) !== entry) return;
     // The start comes with the first steps; while there are none it comes alone, and then again with them.
@@ -324,11 +323,7 @@ export class FollowPlayer extends BattlePlayer {
       return: entry.isOver ? entry.episodeReturn.toFixed(2) : `${entry.episodeReturn.toFixed(2)} so far`,
       steps: entry.length,
     };
-    byId("facts").replaceChildren(
-      ...Object.entries(facts).map(([name, value]) =>
-        make("div", {}, [make("dt", {}, name), make("dd", {}, String(value))]),
-      ),
-    );
+    showFacts(facts);
   }
 
   listEpisodes() {
@@ -344,16 +339,11 @@ export class FollowPlayer extends BattlePlayer {
         counted(first_step + steps, "step"),
       ];
       cells.push(isRunning ? "now" : `${seconds(newest_s)} ago`);
-      const button = make(
-        "button",
-        { type: "button", "aria-current": String(number === this.number) },
-        cells.map((cell, at) => make("span", { className: at === 1 ? `dot ${result}` : "" }, cell)),
-      );
-      button.addEventListener("click", () => {
+      const open = () => {
         this.clock.playing = true;
         this.open(number);
-      });
-      return make("li", {}, button);
+      };
+      return episodeRow(cells, result, open, { "aria-current": String(number === this.number) });
     };
     const list = byId("episode-list");
     // Rows that moved away from the pointer could not be clicked.
@@ -376,8 +366,7 @@ export class FollowPlayer extends BattlePlayer {
       const { name, record } = await this.request({ type: "get_snapshot", number, step });
       download(name, bytesOf(record), "application/octet-stream");
     } catch (error) {
-      byId("message").hidden = false;
-      byId("message").textContent = `The snapshot cannot be saved: ${messageOf(error)}`;
+      say(`The snapshot cannot be saved: ${messageOf(error)}`);
     }
   }
 

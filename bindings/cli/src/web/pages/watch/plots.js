@@ -3,7 +3,7 @@
 
 import { make } from "#view/dom.js";
 import { clamp } from "#view/numbers.js";
-import { fitCanvas, theme } from "#view/theme.js";
+import { fitCanvas, theme, traceCircle, traceLine } from "#view/theme.js";
 
 /** @import { Point } from "../protocol.d.ts" */
 
@@ -172,8 +172,7 @@ export class LanePanel {
     context.strokeStyle = colours.ally;
     context.stroke();
     if (last.value === null) return;
-    context.beginPath();
-    context.arc(x(last.time), y(last.value), 3, 0, 2 * Math.PI);
+    traceCircle(context, x(last.time), y(last.value), 3);
     context.fillStyle = colours.ally;
     context.fill();
   }
@@ -191,9 +190,7 @@ export class LanePanel {
     context.strokeStyle = colours.line;
     context.lineWidth = 1;
     for (const at of [top, bottom]) {
-      context.beginPath();
-      context.moveTo(left, Math.round(at) + 0.5);
-      context.lineTo(right, Math.round(at) + 0.5);
+      traceLine(context, [left, Math.round(at) + 0.5], [right, Math.round(at) + 0.5]);
       context.stroke();
     }
     context.textBaseline = "middle";

@@ -2,7 +2,7 @@
 // The page of a running pool: the grid of a lane's battles with its panel, or one battle that is followed.
 
 import { THEMES, readAddress } from "#view/address.js";
-import { byId, make, messageOf } from "#view/dom.js";
+import { byId, make, messageOf, pairsOf, say } from "#view/dom.js";
 import { everyFrame } from "#view/frames.js";
 import { counted } from "#view/numbers.js";
 import { theme } from "#view/theme.js";
@@ -191,8 +191,7 @@ class WatchPage {
     byId("name").textContent = `Battle ${env}`;
     this.player?.begin(env, this.grid.area);
     this.connection.request({ type: "follow", env }).catch((error) => {
-      byId("message").hidden = false;
-      byId("message").textContent = `Battle ${env} cannot be followed: ${error.message}`;
+      say(`Battle ${env} cannot be followed: ${error.message}`);
     });
     this.sendView();
     this.remember();
@@ -285,12 +284,7 @@ class WatchPage {
       "refused requests": lane.stats.rejected,
       "queue wait": `${lane.queue_wait_us.toFixed(0)} \u00b5s`,
     };
-    byId("lane-status").replaceChildren(
-      ...Object.entries(facts).flatMap(([name, value]) => [
-        make("dt", {}, name),
-        make("dd", {}, String(value)),
-      ]),
-    );
+    byId("lane-status").replaceChildren(...pairsOf(Object.entries(facts)));
   }
 
   /** @param {string[]} names */
