@@ -77,7 +77,8 @@ mod tests {
         let mut builtins = builtins();
         builtins.scenarios.retain(|scenario| scenario.name == "2s3z");
         builtins.presets.retain(|preset| preset.name == "SIMPLE");
-        let text = format!("{:#}\n", serde_json::to_value(&builtins).unwrap());
+        // A line per key of a file.
+        let text = json!(builtins).to_string().replace("},{\"name\"", "},\n{\"name\"") + "\n";
         if std::env::var_os("SMACLITE_WRITE").is_some() {
             std::fs::write(file, &text).unwrap();
         }

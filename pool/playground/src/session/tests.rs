@@ -19,6 +19,43 @@ fn begin(scenario: &str, team: &str, actions: &[Value], taken: &[usize]) -> Valu
     json!({"type": "begin_battle", "of": of, "team": team, "actions": actions, "taken": taken})
 }
 
+/// The start of the first episode of the opened replay, after actions (`null`: those recorded).
+fn begin_episode(actions: Value) -> Value {
+    let of = json!({"kind": "episode", "episode": 0});
+    json!({"type": "begin_battle", "of": of, "team": "nearest", "actions": actions, "taken": []})
+}
+
+fn play(session: &mut Session, steps: usize) -> Value {
+    ask(session, json!({"type": "play_steps", "steps": steps}))
+}
+
+/// A request that adds a team.
+fn team(name: &str, run: &str, weights: &str) -> Value {
+    json!({"type": "add_team", "name": name, "run": run, "weights": weights})
+}
+
+/// One that adds a team of the zoo.
+fn zoo_team(name: &str) -> Value {
+    let zoo = format!("{}/../../bindings/learn/zoo/{name}", env!("CARGO_MANIFEST_DIR"));
+    let run = std::fs::read_to_string(format!("{zoo}/run.json")).unwrap();
+    let weights = std::fs::read(format!("{zoo}/best.safetensors")).unwrap();
+    team(name, &run, &STANDARD.encode(weights))
+}
+
+/// The scenario of the battle on another map.
+fn paint(session: &mut Session, rows: &[String]) -> String {
+    let painted = ask(session, json!({"type": "paint_map", "rows": rows}));
+    painted["scenario"].as_str().unwrap().to_owned()
+}
+
+/// Requests that are refused, with a part of the reason.
+fn check_refused<const N: usize>(session: &mut Session, requests: [(Value, &str); N]) {
+    for (request, expected) in requests {
+        let answer = ask(session, request);
+        assert!(answer.as_str().is_some_and(|error| error.contains(expected)), "{answer}: {expected}");
+    }
+}
+
 /// The actions of an episode, from its replay.
 fn actions(session: &mut Session) -> Vec<Value> {
     let file = ask(session, json!({"type": "get_replay"}));
@@ -38,7 +75,7 @@ fn generated_battles_for_the_test_of_the_engine() {
             json!({"kind": "scenario", "scenario": scenario, "seed": "7", "opponent": opponent, "rules": ""});
         let begin = json!({"type": "begin_battle", "of": of, "team": team, "actions": [], "taken": []});
         assert_eq!(ask(&mut session, begin)["type"], "begin_battle");
-        let steps = ask(&mut session, json!({"type": "play_steps", "steps": 1000}));
+        let steps = play(&mut session, 1000);
         let file = ask(&mut session, json!({"type": "get_replay"}));
         let obs = ask(&mut session, json!({"type": "get_observation", "step": 3, "agent": 1}));
         let obs = obs["obs"].as_array().unwrap().iter().map(|number| number.as_f64().unwrap() as f32);
@@ -60,13 +97,13 @@ fn generated_battles_for_the_test_of_the_engine() {
 fn who_takes_an_agent_over_changes_its_actions_alone() {
     let mut session = Session::default();
     ask(&mut session, begin("2s3z", "nearest", &[], &[]));
-    ask(&mut session, json!({"type": "play_steps", "steps": 10}));
+    play(&mut session, 10);
     let team = actions(&mut session);
     let mut session = Session::default();
     ask(&mut session, begin("2s3z", "nearest", &team[..2 * 5], &[1]));
     let stop = json!({"type": "give_orders", "orders": [{"agent": 1, "order": {"type": "stop"}}]});
     assert_eq!(ask(&mut session, stop)["orders"][1]["type"], "stop");
-    ask(&mut session, json!({"type": "play_steps", "steps": 1}));
+    play(&mut session, 1);
     let both = actions(&mut session);
     assert_eq!(both.len(), 3 * 5);
     assert_eq!(both[..2 * 5], team[..2 * 5], "the steps before are those that were given");
@@ -77,7 +114,7 @@ fn who_takes_an_agent_over_changes_its_actions_alone() {
     assert_ne!(team[2 * 5 + 1], 1);
     // An agent that is given back has no order.
     ask(&mut session, json!({"type": "take_agents", "agents": []}));
-    let steps = ask(&mut session, json!({"type": "play_steps", "steps": 1}));
+    let steps = play(&mut session, 1);
     assert_eq!(steps["orders"][1]["type"], "none");
 }
 
@@ -85,19 +122,15 @@ fn who_takes_an_agent_over_changes_its_actions_alone() {
 fn an_episode_of_a_replay_is_played_and_played_on() {
     let mut session = Session::default();
     ask(&mut session, begin("3m", "kite", &[], &[]));
-    ask(&mut session, json!({"type": "play_steps", "steps": 4}));
+    play(&mut session, 4);
     let recorded = actions(&mut session);
-    let of = json!({"kind": "episode", "episode": 0});
-    let begin = json!({"type": "begin_battle", "of": of, "team": "nearest", "actions": null, "taken": []});
     for (given, steps) in [(json!(recorded[..2 * 3]), 2), (json!([]), 0), (Value::Null, 4)] {
-        let mut begin = begin.clone();
-        begin["actions"] = given;
-        let begun = ask(&mut session, begin);
+        let begun = ask(&mut session, begin_episode(given));
         assert_eq!((&begun["seed"], &begun["played"]["steps"]), (&json!("7"), &json!(steps)));
         assert_eq!(begun["played"]["n_moments"], 1 + 8 * steps);
     }
-    assert_eq!(ask(&mut session, json!({"type": "play_steps", "steps": 1}))["step"], 4);
-    let mut other = begin;
+    assert_eq!(play(&mut session, 1)["step"], 4);
+    let mut other = begin_episode(Value::Null);
     other["of"]["episode"] = json!(1);
     assert_eq!(ask(&mut session, other), "episode must be below 1, got 1");
 }
@@ -113,12 +146,9 @@ fn an_episode_of_a_replay_says_which_scenario_a_new_battle_is_played_in() {
     for scenario in ["2s3z", moved, &own, "terran_5_vs_5"] {
         let begun = ask(&mut session, begin(scenario, "nearest", &[], &[]));
         assert_eq!(begun["source"], scenario);
-        ask(&mut session, json!({"type": "play_steps", "steps": 1}));
+        play(&mut session, 1);
         actions(&mut session); // opens the replay
-        let of = json!({"kind": "episode", "episode": 0});
-        let episode =
-            json!({"type": "begin_battle", "of": of, "team": "nearest", "actions": [], "taken": []});
-        assert_eq!(ask(&mut session, episode)["source"], scenario);
+        assert_eq!(ask(&mut session, begin_episode(json!([])))["source"], scenario);
     }
 }
 
@@ -127,7 +157,7 @@ fn an_episode_of_a_replay_says_which_scenario_a_new_battle_is_played_in() {
 fn a_replay_without_an_episode_is_refused() {
     let mut session = Session::default();
     ask(&mut session, begin("3m", "nearest", &[], &[]));
-    ask(&mut session, json!({"type": "play_steps", "steps": 2}));
+    play(&mut session, 2);
     let file = ask(&mut session, json!({"type": "get_replay"}));
     let mut open = json!({"type": "open_replay", "name": "a", "replay": file["replay"]});
     assert_eq!(ask(&mut session, open.clone())["type"], "open_replay");
@@ -135,9 +165,7 @@ fn a_replay_without_an_episode_is_refused() {
     replay["episodes"] = json!([]);
     open["replay"] = json!(replay.to_string());
     assert_eq!(ask(&mut session, open), "the replay `a` has no episodes");
-    let of = json!({"kind": "episode", "episode": 0});
-    let begin = json!({"type": "begin_battle", "of": of, "team": "nearest", "actions": [], "taken": []});
-    assert_eq!(ask(&mut session, begin)["type"], "begin_battle");
+    assert_eq!(ask(&mut session, begin_episode(json!([])))["type"], "begin_battle");
 }
 
 #[test]
@@ -154,13 +182,10 @@ fn what_cannot_be_played_is_refused() {
         ),
         (begin("3m", "nearest", &[], &[3]), "agent must be below 3, got 3"),
         (begin("{}", "nearest", &[], &[]), "the scenario is not valid"),
-        (json!({"type": "add_team", "name": "a", "run": "{", "weights": ""}), "run.json of the team `a`"),
-        (json!({"type": "add_team", "name": "a", "run": "{", "weights": "?"}), "must be base64"),
+        (team("a", "{", ""), "run.json of the team `a`"),
+        (team("a", "{", "?"), "must be base64"),
     ];
-    for (request, expected) in refused {
-        let answer = ask(&mut session, request);
-        assert!(answer.as_str().is_some_and(|error| error.contains(expected)), "{answer}: {expected}");
-    }
+    check_refused(&mut session, refused);
     assert!(session.battle.is_none(), "a refused battle begins nothing");
 }
 
@@ -190,38 +215,27 @@ fn a_team_whose_layers_are_empty_is_refused() {
     run["config"]["last_actions"] = json!(0);
     let mut session = Session::default();
     let setup = BattleSetup::new(ScenarioFiles::resolve("3m").unwrap().1);
-    for (hidden, refusal) in [(4, None), (0, Some("at least one input and output, got the widths"))] {
-        run["config"]["hidden"] = json!([hidden]);
-        let (run, weights) = (run.to_string(), weights(&setup, hidden));
-        let added =
-            ask(&mut session, json!({"type": "add_team", "name": "a", "run": run, "weights": weights}));
-        let error = added.as_str();
-        assert!(error.is_some() == refusal.is_some() && error.unwrap_or("").contains(refusal.unwrap_or("")));
-    }
+    run["config"]["hidden"] = json!([4]);
+    ask(&mut session, team("a", &run.to_string(), &weights(&setup, 4)));
     for (network, hidden, refusal) in [
+        ("flat", vec![0], "at least one input and output, got the widths"),
         ("graph", vec![4], "network must be `flat`, `units` or `universal`, got `graph`"),
         ("units", vec![4], "a network over units has two widths, got [4]"),
         ("units", vec![4, 4], "cannot be used: tensor `actor."),
     ] {
         (run["config"]["network"], run["config"]["hidden"]) = (json!(network), json!(hidden));
-        let (run, weights) = (run.to_string(), weights(&setup, 4));
-        let added =
-            ask(&mut session, json!({"type": "add_team", "name": "b", "run": run, "weights": weights}));
-        assert!(added.as_str().is_some_and(|error| error.contains(refusal)), "{added}");
+        let added = team("b", &run.to_string(), &weights(&setup, hidden[0]));
+        check_refused(&mut session, [(added, refusal)]);
     }
     ask(&mut session, begin("3m", "a", &[], &[]));
-    assert_eq!(ask(&mut session, json!({"type": "play_steps", "steps": 2}))["steps"], 2);
+    assert_eq!(play(&mut session, 2)["steps"], 2);
 }
 
 /// The page has one team, also for maps that a person opens. Types that it never saw are figures to it.
 #[test]
 fn a_universal_team_plays_every_map() {
     let mut session = Session::default();
-    let zoo = concat!(env!("CARGO_MANIFEST_DIR"), "/../../bindings/learn/zoo/all-maps");
-    let run = std::fs::read_to_string(format!("{zoo}/run.json")).unwrap();
-    let weights = STANDARD.encode(std::fs::read(format!("{zoo}/best.safetensors")).unwrap());
-    let add = json!({"type": "add_team", "name": "all-maps", "run": run, "weights": weights});
-    assert_eq!(ask(&mut session, add)["teams"][0]["is_universal"], true);
+    assert_eq!(ask(&mut session, zoo_team("all-maps"))["teams"][0]["is_universal"], true);
     let mut text: Value = serde_json::from_str(&ScenarioFiles::resolve("MMM").unwrap().1.text).unwrap();
     text["name"] = json!("own");
     let units = json!({"MARINE": 3, "HYDRALISK": 2, "MEDIVAC": 1});
@@ -231,12 +245,12 @@ fn a_universal_team_plays_every_map() {
     let own = text.to_string();
     for (scenario, wins) in [("8m", true), ("MMM", true), ("terran_5_vs_5", false), (&own, false)] {
         assert_eq!(ask(&mut session, begin(scenario, "all-maps", &[], &[]))["type"], "begin_battle");
-        let steps = ask(&mut session, json!({"type": "play_steps", "steps": 1000}));
+        let steps = play(&mut session, 1000);
         assert!(steps["steps"].as_u64() > Some(5) && (!wins || steps["result"] == "won"), "{steps}");
     }
     text["smacv2"] = json!({"conic_fov": true});
-    let refused = ask(&mut session, begin(&text.to_string(), "all-maps", &[], &[]));
-    assert!(refused.as_str().is_some_and(|error| error.contains("cannot play this scenario")), "{refused}");
+    let refused = begin(&text.to_string(), "all-maps", &[], &[]);
+    check_refused(&mut session, [(refused, "cannot play this scenario")]);
 }
 
 /// The rules are those that are asked for, else those of the scenario, which a text may have.
@@ -267,10 +281,7 @@ fn battles_have_the_rules_that_are_chosen() {
 fn a_trained_team_plays_the_enemies() {
     let mut session = Session::default();
     for name in ["all-maps", "3m"] {
-        let zoo = format!("{}/../../bindings/learn/zoo/{name}", env!("CARGO_MANIFEST_DIR"));
-        let run = std::fs::read_to_string(format!("{zoo}/run.json")).unwrap();
-        let weights = STANDARD.encode(std::fs::read(format!("{zoo}/best.safetensors")).unwrap());
-        ask(&mut session, json!({"type": "add_team", "name": name, "run": run, "weights": weights}));
+        ask(&mut session, zoo_team(name));
     }
     let against = |opponent: &str, scenario: &str, actions: &[Value]| {
         let mut begin = begin(scenario, "random", actions, &[]);
@@ -280,7 +291,7 @@ fn a_trained_team_plays_the_enemies() {
     for (opponent, scenario) in [("all-maps", "3m"), ("all-maps", "MMM"), ("3m", "3m")] {
         let begun = ask(&mut session, against(opponent, scenario, &[]));
         assert_eq!((&begun["opponent"], &begun["is_playable"]), (&json!(opponent), &json!(true)), "{begun}");
-        let played = ask(&mut session, json!({"type": "play_steps", "steps": 1000}));
+        let played = play(&mut session, 1000);
         assert_eq!(played["result"], "lost", "{opponent} beats random actions");
         let joint = actions(&mut session); // the replay was verified, too
         let n_agents = begun["scenario"]["n_agents"].as_u64().unwrap() as usize;
@@ -300,8 +311,7 @@ fn a_trained_team_plays_the_enemies() {
         ("all-maps", "5m_vs_6m", "its sides are not equal"),
         ("all-maps", "3s_vs_3z", "its sides are not equal"),
     ] {
-        let refused = ask(&mut session, against(opponent, scenario, &[]));
-        assert!(refused.as_str().is_some_and(|error| error.contains(expected)), "{refused}");
+        check_refused(&mut session, [(against(opponent, scenario, &[]), expected)]);
     }
 }
 
@@ -311,15 +321,12 @@ fn a_trained_team_plays_the_enemies() {
 fn a_team_of_one_map_plays_enemies_of_other_types_if_the_sizes_are_equal() {
     let mut session = Session::default();
     let name = "3s_vs_3z";
-    let zoo = format!("{}/../../bindings/learn/zoo/{name}", env!("CARGO_MANIFEST_DIR"));
-    let run = std::fs::read_to_string(format!("{zoo}/run.json")).unwrap();
-    let weights = STANDARD.encode(std::fs::read(format!("{zoo}/best.safetensors")).unwrap());
-    ask(&mut session, json!({"type": "add_team", "name": "team", "run": run, "weights": weights}));
+    ask(&mut session, zoo_team(name));
     let mut begin = begin(name, "random", &[], &[]);
-    begin["of"]["opponent"] = json!("team");
+    begin["of"]["opponent"] = json!(name);
     let begun = ask(&mut session, begin);
-    assert_eq!((&begun["opponent"], &begun["is_playable"]), (&json!("team"), &json!(true)), "{begun}");
-    let played = ask(&mut session, json!({"type": "play_steps", "steps": 1000}));
+    assert_eq!((&begun["opponent"], &begun["is_playable"]), (&json!(name), &json!(true)), "{begun}");
+    let played = play(&mut session, 1000);
     assert!(played["result"].is_string(), "{played}");
 }
 
@@ -334,23 +341,19 @@ fn a_painted_map_is_that_of_the_battle_and_of_its_replay() {
     for scenario in ["3m", "so_many_baneling", "terran_5_vs_5"] {
         let before = ask(&mut session, begin(scenario, "nearest", &[], &[]))["scenario"].clone();
         let rows = rows(|x, y| x < 2 || x == 31 && y > 3);
-        let painted = ask(&mut session, json!({"type": "paint_map", "rows": rows}));
-        let text = painted["scenario"].as_str().unwrap();
-        let after = ask(&mut session, begin(text, "nearest", &[], &[]))["scenario"].clone();
+        let text = paint(&mut session, &rows);
+        let after = ask(&mut session, begin(&text, "nearest", &[], &[]))["scenario"].clone();
         assert_eq!(after["obstacles"], json!([[0, 0, 2, 32], [31, 4, 32, 32]]), "{scenario}");
         for key in ["name", "width", "height", "units", "types", "attack_point"] {
             assert_eq!(after[key], before[key], "{scenario}: {key}");
         }
-        ask(&mut session, json!({"type": "play_steps", "steps": 1000}));
-        let file = ask(&mut session, json!({"type": "get_replay"}));
-        ask(&mut session, json!({"type": "open_replay", "name": "a", "replay": file["replay"]}));
-        let of = json!({"kind": "episode", "episode": 0});
-        let begin = json!({"type": "begin_battle", "of": of, "team": "nearest", "actions": [], "taken": []});
-        assert_eq!(ask(&mut session, begin)["scenario"]["obstacles"], after["obstacles"]);
+        play(&mut session, 1000);
+        actions(&mut session); // opens the replay
+        let of_replay = ask(&mut session, begin_episode(json!([])));
+        assert_eq!(of_replay["scenario"]["obstacles"], after["obstacles"]);
     }
-    let painted = ask(&mut session, json!({"type": "paint_map", "rows": ["_X", "__"]}));
-    let error = ask(&mut session, begin(painted["scenario"].as_str().unwrap(), "nearest", &[], &[]));
-    assert!(error.as_str().unwrap().contains("a list of 32 rows"), "{error}");
+    let small = paint(&mut session, &["_X", "__"].map(String::from));
+    check_refused(&mut session, [(begin(&small, "nearest", &[], &[]), "a list of 32 rows")]);
 }
 
 #[test]
@@ -359,8 +362,8 @@ fn what_is_probably_a_mistake_on_a_painted_map_is_a_warning() {
     let mut warnings = |is_blocked: fn(usize, usize) -> bool| {
         // Three marines start around (9, 16), and three around (23, 16).
         assert_eq!(ask(&mut session, begin("3m", "nearest", &[], &[]))["warnings"], json!([]));
-        let painted = ask(&mut session, json!({"type": "paint_map", "rows": rows(is_blocked)}));
-        let begun = ask(&mut session, begin(painted["scenario"].as_str().unwrap(), "nearest", &[], &[]));
+        let painted = paint(&mut session, &rows(is_blocked));
+        let begun = ask(&mut session, begin(&painted, "nearest", &[], &[]));
         serde_json::from_value::<Vec<String>>(begun["warnings"].clone()).unwrap()
     };
     assert_eq!(warnings(|x, _| x == 0), Vec::<String>::new());
@@ -376,9 +379,8 @@ fn what_is_probably_a_mistake_on_a_painted_map_is_a_warning() {
 fn a_scenario_is_named_or_said_and_never_a_path() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenarios/data/3m.json");
     for source in [path, "Cargo.toml", "3mm"] {
-        let error = ask(&mut Session::default(), begin(source, "nearest", &[], &[]));
-        let expected = "is not the name of a standard scenario";
-        assert!(error.as_str().is_some_and(|error| error.contains(expected)), "{error}");
+        let request = begin(source, "nearest", &[], &[]);
+        check_refused(&mut Session::default(), [(request, "is not the name of a standard scenario")]);
     }
 }
 
@@ -436,7 +438,6 @@ fn a_unit_that_is_moved_starts_elsewhere_and_no_other() {
     ];
     for (scenario, request, reason) in refused {
         ask(&mut session, begin(scenario, "nearest", &[], &[]));
-        let error = ask(&mut session, request);
-        assert!(error.as_str().unwrap().contains(reason), "{error}");
+        check_refused(&mut session, [(request, reason)]);
     }
 }

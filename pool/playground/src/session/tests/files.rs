@@ -69,10 +69,7 @@ fn files_that_are_not_one_scenario_are_refused_with_the_reason() {
         (open(&[]), "got none"),
         (begin(r#"{"files": {}}"#, "nearest", &[], &[]), "the battle is not valid: missing field"),
     ];
-    for (request, expected) in refused {
-        let answer = ask(&mut session, request);
-        assert!(answer.as_str().is_some_and(|error| error.contains(expected)), "{answer}: {expected}");
-    }
+    check_refused(&mut session, refused);
 }
 
 /// The page opened the team on the map that was shown before, because it knew of the team's map only the
@@ -86,21 +83,17 @@ fn a_team_knows_the_scenario_that_it_was_trained_in() {
     paper.rules = "paper".parse().unwrap();
     let plain = BattleSetup { episode_limit: Some(60).into(), rules: Default::default(), ..paper.clone() };
     for (setup, source) in [(&own, None), (&paper, None), (&plain, Some("3m"))] {
-        let files =
-            json!({"type": "add_team", "name": "a", "run": run_of(setup), "weights": weights(setup, 4)});
-        let team = ask(&mut session, files)["teams"][0].clone();
+        let add = team("a", &run_of(setup), &weights(setup, 4));
+        let team = ask(&mut session, add)["teams"][0].clone();
         let given = team["source"].as_str().unwrap();
         assert!(source.is_none_or(|source| source == given), "{given}");
         let begun = ask(&mut session, begin(given, "a", &[], &[]));
         assert_eq!(begun["scenario"]["name"], team["scenario"]);
         assert_eq!((&begun["rules"], &begun["source"]), (&json!(setup.rules.to_string()), &json!(given)));
-        assert_eq!(ask(&mut session, json!({"type": "play_steps", "steps": 3}))["steps"], 3);
+        assert_eq!(play(&mut session, 3)["steps"], 3);
         // After a replay of it, another battle is one of the same scenario, and the team plays it.
         actions(&mut session);
-        let of = json!({"kind": "episode", "episode": 0});
-        let episode =
-            json!({"type": "begin_battle", "of": of, "team": "nearest", "actions": [], "taken": []});
-        let after = ask(&mut session, episode)["source"].clone();
+        let after = ask(&mut session, begin_episode(json!([])))["source"].clone();
         assert_eq!(ask(&mut session, begin(after.as_str().unwrap(), "a", &[], &[]))["type"], "begin_battle");
     }
 }
@@ -111,30 +104,18 @@ fn a_team_whose_scenario_cannot_be_opened_says_why() {
     let setup = BattleSetup::new(ScenarioFiles::resolve("3m").unwrap().1);
     let mut lacking = setup.clone();
     lacking.files.text = keep();
-    let files =
-        json!({"type": "add_team", "name": "a", "run": run_of(&lacking), "weights": weights(&setup, 4)});
-    let error = ask(&mut session, files);
-    assert!(
-        error.as_str().unwrap().contains("the scenario in run.json of the team `a` is not valid"),
-        "{error}"
-    );
-    assert!(error.as_str().unwrap().contains("units/scout.json"), "{error}");
+    let add = || team("a", &run_of(&lacking), &weights(&setup, 4));
+    let reason = "the scenario in run.json of the team `a` is not valid";
+    check_refused(&mut session, [(add(), reason), (add(), "units/scout.json")]);
 }
 
 /// The page played weights with flipped bits, which `smaclite-pool evaluate` refuses.
 #[test]
 fn weights_whose_checksum_differs_are_refused() {
-    let zoo = concat!(env!("CARGO_MANIFEST_DIR"), "/../../bindings/learn/zoo/3m/");
-    let run = std::fs::read_to_string(format!("{zoo}run.json")).unwrap();
-    let mut bytes = std::fs::read(format!("{zoo}best.safetensors")).unwrap();
-    let mut session = Session::default();
-    let mut add = |bytes: &[u8]| {
-        ask(
-            &mut session,
-            json!({"type": "add_team", "name": "a", "run": run, "weights": STANDARD.encode(bytes)}),
-        )
-    };
-    assert_eq!(add(&bytes)["type"], "add_team");
+    let (mut session, mut add) = (Session::default(), zoo_team("3m"));
+    assert_eq!(ask(&mut session, add.clone())["type"], "add_team");
+    let mut bytes = STANDARD.decode(add["weights"].as_str().unwrap()).unwrap();
     *bytes.last_mut().unwrap() ^= 1;
-    assert!(add(&bytes).as_str().unwrap().contains("the checksum differs, so they are damaged"));
+    add["weights"] = json!(STANDARD.encode(bytes));
+    check_refused(&mut session, [(add, "the checksum differs, so they are damaged")]);
 }
