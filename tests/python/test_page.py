@@ -89,7 +89,7 @@ def test_another_address_is_followed_and_what_is_wrong_in_it_is_named(browser: A
         assert page.page.get_attribute("#fit", "aria-pressed") == "true"
         page.page.evaluate("location.hash = 'episode='")
         page.wait(lambda: page.shown("#message"))
-        assert page.text("#message").endswith("`episode` must be a whole number from 0 to 1, got ``.")
+        assert page.text("#message").endswith("`episode` must be a whole number from 0 to 2, got ``.")
         assert page.tick == 0
 
 

@@ -2,10 +2,9 @@
 // Painter: the mode in which a person draws on the map, with the brush of the scenario editor. The battle
 // begins anew after every stroke.
 
-import { Brush, LARGEST_BRUSH, squareFrom } from "#view/brush.js";
+import { Brush, squareFrom } from "#view/brush.js";
 import { ARROWS } from "#view/commander.js";
-import { all, byId } from "#view/dom.js";
-import { clamp } from "#view/numbers.js";
+import { byId } from "#view/dom.js";
 import { rowsOf, squaresOf } from "#view/squares.js";
 
 /** @import { Square } from "#view/brush.js" */
@@ -46,10 +45,7 @@ export class Painter {
     byId("paint").addEventListener("click", () => this.start());
     byId("painted").addEventListener("click", () => this.stop());
     byId("undo").addEventListener("click", () => this.undo());
-    for (const button of all("[data-tool]"))
-      button.addEventListener("click", () => this.choose(button.dataset.tool ?? ""));
-    for (const button of all("[data-size]"))
-      button.addEventListener("click", () => this.resize(Number(button.dataset.size)));
+    Brush.listen(this);
   }
 
   /** Goes back to the start of the battle, to draw on its map. */
@@ -90,9 +86,7 @@ export class Painter {
   show() {
     const { brush, square, isOn, page } = this;
     document.body.classList.toggle("painting", isOn);
-    for (const button of all("[data-tool]"))
-      button.setAttribute("aria-pressed", String(button.dataset.tool === brush.tool));
-    byId("size").textContent = String(brush.size);
+    brush.show();
     byId("undo").disabled = !this.canUndo;
     page.arena.marked =
       isOn && square ? { squares: brush.shape(square, square), isBlocked: brush.paints } : null;
@@ -107,7 +101,7 @@ export class Painter {
 
   /** @param {number} by */
   resize(by) {
-    this.brush.size = clamp(this.brush.size + by, 1, LARGEST_BRUSH);
+    this.brush.resize(by);
     this.show();
   }
 

@@ -1,6 +1,7 @@
 // @ts-check
 // Brush: the squares that a drawing tool covers, and maps that are drawn on.
 
+import { all, byId } from "./dom.js";
 import { clamp } from "./numbers.js";
 
 /** @import { EditedMap } from "./squares.js" */
@@ -8,7 +9,7 @@ import { clamp } from "./numbers.js";
 
 /** Tools that draw on the map. */
 const DRAWING = ["brush", "erase", "rectangle", "line", "fill"];
-export const LARGEST_BRUSH = 15;
+const LARGEST_BRUSH = 15;
 
 /**
  * The squares on a line between two squares.
@@ -42,6 +43,29 @@ export class Brush {
     this.tool = "select";
     this.paintsBlocked = true;
     this.size = 1;
+  }
+
+  /**
+   * Listens to the buttons of tools and sizes.
+   * @param {{ choose: (tool: string) => void, resize: (by: number) => void }} page
+   */
+  static listen(page) {
+    for (const button of all("[data-tool]"))
+      button.addEventListener("click", () => page.choose(button.dataset.tool ?? "select"));
+    for (const button of all("[data-size]"))
+      button.addEventListener("click", () => page.resize(Number(button.dataset.size)));
+  }
+
+  /** Shows tool and size. */
+  show() {
+    for (const button of all("[data-tool]"))
+      button.setAttribute("aria-pressed", String(button.dataset.tool === this.tool));
+    byId("size").textContent = String(this.size);
+  }
+
+  /** @param {number} by */
+  resize(by) {
+    this.size = clamp(this.size + by, 1, LARGEST_BRUSH);
   }
 
   /** Whether the tool draws on the map. */

@@ -1,6 +1,7 @@
 // @ts-check
 // Commands: what the buttons and the keys of the editor do.
 
+import { Brush } from "#view/brush.js";
 import { all, byId, listenToSkip, tell } from "#view/dom.js";
 import { theme } from "#view/theme.js";
 import { seedOfField } from "./arena.js";
@@ -35,12 +36,7 @@ export class Commands {
       copy: () => this.copyText(),
     };
     for (const [id, click] of Object.entries(clicks)) byId(id).addEventListener("click", click);
-    all("[data-tool]").forEach((element) => {
-      element.addEventListener("click", () => this.page.map.choose(element.dataset.tool ?? "select"));
-    });
-    all("[data-size]").forEach((element) => {
-      element.addEventListener("click", () => this.page.map.resizeBrush(Number(element.dataset.size)));
-    });
+    Brush.listen(this.page.map);
     all("[data-tab]").forEach((element) => {
       element.addEventListener("click", () => this.page.showTab(/** @type {Tab} */ (element.dataset.tab)));
       element.addEventListener("keydown", (event) => this.tabKey(event));
@@ -157,8 +153,8 @@ export class Commands {
       m: () => this.page.fit(),
       n: next(1),
       p: next(-1),
-      "[": () => map.resizeBrush(-1),
-      "]": () => map.resizeBrush(1),
+      "[": () => map.resize(-1),
+      "]": () => map.resize(1),
       Delete: () => this.page.deleteGroup(),
       Backspace: () => this.page.deleteGroup(),
       Escape: () =>

@@ -142,11 +142,8 @@ export class EditorPage {
     byId("save").title = this.store.target
       ? `Save to ${this.store.target} (Ctrl+S)`
       : "Download the files (Ctrl+S)";
-    all("[data-tool]").forEach((element) => {
-      element.setAttribute("aria-pressed", String(element.dataset.tool === this.map.brush.tool));
-    });
+    this.map.brush.show();
     byId("paint").setAttribute("aria-pressed", String(this.map.brush.paintsBlocked));
-    byId("size").textContent = String(this.map.brush.size);
     byId("hint").textContent = TOOL_HINTS[this.map.brush.tool];
     byId("map").classList.toggle("drawing", this.map.brush.tool !== "select");
     this.showStale();

@@ -2,7 +2,7 @@
 // MapEditor: the map and the groups on the canvas, and what the pointer and the keys do to them.
 
 import { BattleView } from "#view/battle.js";
-import { Brush, LARGEST_BRUSH, squareFrom } from "#view/brush.js";
+import { Brush, squareFrom } from "#view/brush.js";
 import { moveMap, placeOn, wheelFactor } from "#view/controls.js";
 import { clamp } from "#view/numbers.js";
 import { rectanglesOf } from "#view/squares.js";
@@ -130,8 +130,8 @@ export class MapEditor extends BattleView {
   }
 
   /** @param {number} by */
-  resizeBrush(by) {
-    this.brush.size = clamp(this.brush.size + by, 1, LARGEST_BRUSH);
+  resize(by) {
+    this.brush.resize(by);
     this.page.refresh();
   }
 
