@@ -2,7 +2,7 @@
 // Files that are opened or dropped on the page: a replay, a scenario with its unit files, or those of a
 // trained team.
 
-import { byId } from "#view/dom.js";
+import { byId, listenToDrops } from "#view/dom.js";
 import { through } from "./link.js";
 import { nameOf, textOfBytes, textOfFile } from "./scenario.js";
 
@@ -61,16 +61,7 @@ export function listenToFiles(openers) {
     open(Promise.resolve([...byId("files").files].map((file) => ({ path: file.name, file }))));
     byId("files").value = ""; // the same file can be opened again
   });
-  addEventListener("dragover", (event) => {
-    event.preventDefault();
-    document.body.classList.add("dropping");
-  });
-  addEventListener("dragleave", () => document.body.classList.remove("dropping"));
-  addEventListener("drop", (event) => {
-    event.preventDefault();
-    document.body.classList.remove("dropping");
-    if (event.dataTransfer) open(droppedFiles(event.dataTransfer));
-  });
+  listenToDrops((data) => open(droppedFiles(data)));
 }
 
 /**

@@ -171,6 +171,15 @@ export class Playground extends Commander {
   }
 
   /**
+   * Begins a battle of a scenario.
+   * @param {Omit<SharedBattle, "actions" | "taken">} battle
+   * @param {Iterable<number>} taken
+   */
+  beginScenario({ team, ...battle }, taken) {
+    return this.begin({ kind: "scenario", ...battle }, team, [], [...taken]);
+  }
+
+  /**
    * Shows a battle that has begun, from its start.
    * @param {BegunBattle} begun
    * @param {number[]} taken
@@ -261,13 +270,12 @@ export class Playground extends Commander {
    * Begins a battle; false if it is refused.
    * @param {Omit<SharedBattle, "actions" | "taken">} choice
    */
-  async choose({ scenario, team, opponent, rules, seed }) {
-    const isSame = scenario === this.shared.scenario,
+  async choose(choice) {
+    const isSame = choice.scenario === this.shared.scenario,
       hadAll = this.taken.size === this.info.n_agents,
-      hasOthers = losesEnemies(this.begun, { scenario, opponent }),
-      taken = isSame ? [...this.taken] : [];
+      hasOthers = losesEnemies(this.begun, choice);
     try {
-      await this.begin({ kind: "scenario", scenario, seed, opponent, rules }, team, [], taken);
+      await this.beginScenario(choice, isSame ? this.taken : []);
       this.episodes.clear();
       if (hasOthers) this.note(`${NO_ENEMIES}; ${titleCase(this.begun.opponent)} plays them here.`);
       // Who plays all agents plays all of another map.
@@ -294,9 +302,8 @@ export class Playground extends Commander {
   again() {
     this.enqueue(async () => {
       if (!this.takesOrders) return this.noteNoEnemies();
-      const seed = String(BigInt.asUintN(64, BigInt(this.begun.seed) + 1n)),
-        { scenario, opponent, rules, team } = this.shared;
-      await this.begin({ kind: "scenario", scenario, seed, opponent, rules }, team, [], [...this.taken]);
+      const seed = String(BigInt.asUintN(64, BigInt(this.begun.seed) + 1n));
+      await this.beginScenario({ ...this.shared, seed }, this.taken);
       this.episodes.clear();
     });
   }
@@ -356,17 +363,9 @@ export class Playground extends Commander {
    * @param {() => Promise<string>} changed
    */
   async change(changed) {
-    const { seed, opponent, rules, team } = this.shared,
-      { camera, isFitted } = this.view;
+    const { camera, isFitted } = this.view;
     try {
-      const of = {
-        kind: /** @type {const} */ ("scenario"),
-        scenario: await changed(),
-        seed,
-        opponent,
-        rules,
-      };
-      await this.begin(of, team, [], [...this.taken]);
+      await this.beginScenario({ ...this.shared, scenario: await changed() }, this.taken);
       if (!isFitted) Object.assign(this.view, { camera, isFitted });
       return true;
     } catch (error) {

@@ -28,6 +28,19 @@ export function listenToSkip() {
   });
 }
 
+/**
+ * Lets a person drop files on the page.
+ * @param {(data: DataTransfer) => unknown} take
+ */
+export function listenToDrops(take) {
+  for (const name of /** @type {const} */ (["dragover", "dragleave", "drop"]))
+    addEventListener(name, (event) => {
+      if (name !== "dragleave") event.preventDefault();
+      document.body.classList.toggle("dropping", name === "dragover");
+      if (name === "drop" && event.dataTransfer) take(event.dataTransfer);
+    });
+}
+
 /** Whether the person points with a finger. */
 export const isTouch = () => matchMedia("(pointer: coarse)").matches;
 

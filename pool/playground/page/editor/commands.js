@@ -2,7 +2,7 @@
 // Commands: what the buttons and the keys of the editor do.
 
 import { Brush } from "#view/brush.js";
-import { all, byId, listenToSkip, tell } from "#view/dom.js";
+import { all, byId, listenToDrops, listenToSkip, tell } from "#view/dom.js";
 import { theme } from "#view/theme.js";
 import { seedOfField } from "./arena.js";
 import { TABS } from "./problems.js";
@@ -62,21 +62,7 @@ export class Commands {
       if (!this.page.doc.isSaved) event.preventDefault();
     });
     listenToSkip();
-    this.listenToDrops();
-  }
-
-  listenToDrops() {
-    /** @type {(isOver: boolean) => (event: DragEvent) => void} */
-    const drag = (isOver) => (event) => {
-      event.preventDefault();
-      document.body.classList.toggle("dropping", isOver);
-    };
-    addEventListener("dragover", drag(true));
-    addEventListener("dragleave", drag(false));
-    addEventListener("drop", (event) => {
-      drag(false)(event);
-      this.page.store.openFiles(event.dataTransfer?.files ?? []);
-    });
+    listenToDrops(({ files }) => this.page.store.openFiles(files));
   }
 
   async copyText() {

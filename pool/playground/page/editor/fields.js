@@ -16,7 +16,7 @@ import { numberText } from "./json.js";
  *   min?: number, placeholder?: string, options?: [value: string, label: string][],
  *   keywords?: string[] }} FieldOptions
  */
-/** @typedef {keyof typeof FIELDS} FieldKind */
+/** @typedef {keyof typeof INPUTS | "flags"} FieldKind */
 
 /** A form that is rebuilt when its signature changes, and otherwise only refreshed. */
 export class Panel {
@@ -69,7 +69,7 @@ export class Panel {
    * @param {FieldOptions} options
    */
   field(kind, options) {
-    const field = new FIELDS[kind](options);
+    const field = kind === "flags" ? new FlagsField(options) : new Field(INPUTS[kind], options);
     this.fields.push(field);
     return field.element;
   }
@@ -121,170 +121,108 @@ export function iconButton(name, title, click) {
  */
 export const fieldKey = (unit, path) => `${unit}:${JSON.stringify(path)}`;
 
+/**
+ * A kind of input: how it is made, what value it has, and how it shows one of the file. `value` is undefined if
+ * it is empty.
+ * @typedef {{ make: (options: FieldOptions) => any, value: (input: any) => any,
+ *   show: (input: any, value: any) => void }} InputKind
+ */
+
+/** @type {InputKind["make"]} */
+const textInput = ({ readonly = false, placeholder = "" }) =>
+  make("input", { type: "text", autocomplete: "off", spellcheck: false, readOnly: readonly, placeholder });
+
+/** @type {InputKind} */
+const TEXT = {
+  make: textInput,
+  value: (input) => input.value || undefined,
+  show(input, value) {
+    input.value = value === undefined ? "" : typeof value === "string" ? value : JSON.stringify(value);
+  },
+};
+
+/** @type {InputKind} */
+const NUMBER = {
+  make: (options) => Object.assign(textInput(options), { inputMode: "decimal" }),
+  /** A number, or else the text, which the program then refuses. */
+  value(input) {
+    const text = input.value.trim();
+    if (!text) return undefined;
+    return /^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$/i.test(text) ? Number(text) : text;
+  },
+  show(input, value) {
+    const text = typeof value === "number" ? numberText(value) : String(value ?? "");
+    input.value = typeof value === "object" ? "(see JSON)" : text;
+  },
+};
+
+/** @type {InputKind} */
+const CHECK = {
+  make: ({ readonly }) => make("input", { type: "checkbox", disabled: readonly }),
+  value: (input) => input.checked,
+  show(input, value) {
+    input.checked = value === true;
+  },
+};
+
+/** @type {InputKind} A value of the file that is no option is shown as one. */
+const SELECT = {
+  make({ options = [], readonly }) {
+    const list = options.map(([value, label]) => make("option", { value }, label));
+    return make("select", { disabled: readonly }, list);
+  },
+  value: TEXT.value,
+  show(input, value = "") {
+    const text = typeof value === "string" ? value : JSON.stringify(value);
+    input.querySelector(".odd")?.remove();
+    /** @type {HTMLOptionElement[]} */
+    const options = [...input.options];
+    if (!options.some((option) => option.value === text))
+      input.append(make("option", { value: text, className: "odd" }, `${text || "(none)"}`));
+    input.value = text;
+  },
+};
+
 class Field {
   /**
-   * The input of the value.
-   * @returns {any}
-   * @param {FieldOptions} _options
+   * @param {InputKind} kind
+   * @param {FieldOptions} options
    */
-  makeControl(_options) {
-    return null;
-  }
-
-  /**
-   * The value that the input has.
-   * @returns {any}
-   */
-  value() {
-    return undefined;
-  }
-
-  /**
-   * Makes the input show a value.
-   * @param {any} _value
-   */
-  show(_value) {}
-
-  /** @param {FieldOptions} options */
-  constructor(options) {
-    const { label, unit = -1, path, read, write, hint = "", readonly = false, wide = false } = options;
+  constructor(kind, options) {
+    const { label, unit = -1, path, read, write, hint = "", wide = false } = options;
+    this.kind = kind;
     this.read = read;
-    this.write = write;
-    this.readonly = readonly;
-    this.control = this.makeControl(options);
+    this.control = kind.make(options);
     this.control.dataset.key = fieldKey(unit, path);
     if (hint) this.control.title = hint;
     this.element = make("label", { className: `field${wide ? " wide" : ""}` }, [
       make("span", { title: hint }, label),
       this.control,
     ]);
-    this.control.addEventListener("input", () => this.write(this.value(), this.control.dataset.key));
+    this.control.addEventListener("input", () => write(kind.value(this.control), this.control.dataset.key));
+    if (kind === CHECK) this.element.classList.add("check");
+    if (kind === NUMBER) this.listenToArrows(options);
+  }
+
+  /** @param {FieldOptions} options */
+  listenToArrows({ write, step = 1, min = -Infinity, readonly }) {
+    const { control } = this;
+    control.addEventListener("keydown", (/** @type {KeyboardEvent} */ event) => {
+      const by = event.key === "ArrowUp" ? 1 : event.key === "ArrowDown" ? -1 : 0;
+      if (!by || readonly || event.ctrlKey || event.metaKey) return;
+      event.preventDefault();
+      const next = (Number(control.value) || 0) + by * step * (event.shiftKey ? 10 : 1);
+      control.value = String(Math.max(min, Math.round(next * 1e6) / 1e6));
+      write(Number(control.value), control.dataset.key);
+    });
+    // What the file has in place of a number that it cannot be without.
+    control.addEventListener("change", () => NUMBER.show(control, this.read()));
   }
 
   refresh() {
     const value = this.read();
-    if (document.activeElement === this.control && this.same(value)) return;
-    this.show(value);
-  }
-
-  /** @param {unknown} value */
-  same(value) {
-    return this.value() === value;
-  }
-}
-
-class NumberField extends Field {
-  /** @param {FieldOptions} options */
-  makeControl({ step, min, readonly, placeholder = "" }) {
-    return make("input", {
-      type: "text",
-      inputMode: "decimal",
-      autocomplete: "off",
-      placeholder,
-      readOnly: readonly,
-      "data-step": String(step ?? ""),
-      "data-min": String(min ?? ""),
-    });
-  }
-
-  /** @param {FieldOptions} options */
-  constructor(options) {
-    super(options);
-    const { control } = this;
-    control.addEventListener("keydown", (/** @type {KeyboardEvent} */ event) => {
-      const by = event.key === "ArrowUp" ? 1 : event.key === "ArrowDown" ? -1 : 0;
-      const step = Number(control.dataset.step) || 1;
-      if (!by || this.readonly || event.ctrlKey || event.metaKey) return;
-      event.preventDefault();
-      const from = Number(control.value) || 0,
-        least = control.dataset.min === "" ? -Infinity : Number(control.dataset.min);
-      const next = Math.max(least, Math.round((from + by * step * (event.shiftKey ? 10 : 1)) * 1e6) / 1e6);
-      control.value = String(next);
-      this.write(next, control.dataset.key);
-    });
-    // What the file has in place of a number that it cannot be without.
-    control.addEventListener("change", () => this.show(this.read()));
-  }
-
-  /** A number, undefined if empty, or else the text, which the program then refuses. */
-  value() {
-    const text = this.control.value.trim();
-    if (!text) return undefined;
-    return /^[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$/i.test(text) ? Number(text) : text;
-  }
-
-  /** @param {any} value */
-  show(value) {
-    const text = typeof value === "number" ? numberText(value) : String(value ?? "");
-    this.control.value = typeof value === "object" ? "(see JSON)" : text;
-  }
-}
-
-class TextField extends Field {
-  /** @param {FieldOptions} options */
-  makeControl({ readonly, placeholder = "" }) {
-    return make("input", {
-      type: "text",
-      autocomplete: "off",
-      spellcheck: false,
-      readOnly: readonly,
-      placeholder,
-    });
-  }
-
-  value() {
-    return this.control.value || undefined;
-  }
-
-  /** @param {any} value */
-  show(value) {
-    this.control.value = value === undefined ? "" : typeof value === "string" ? value : JSON.stringify(value);
-  }
-}
-
-class CheckField extends Field {
-  /** @param {FieldOptions} options */
-  makeControl({ readonly }) {
-    return make("input", { type: "checkbox", disabled: readonly });
-  }
-
-  /** @param {FieldOptions} options */
-  constructor(options) {
-    super(options);
-    this.element.classList.add("check");
-  }
-
-  value() {
-    return this.control.checked;
-  }
-
-  /** @param {any} value */
-  show(value) {
-    this.control.checked = value === true;
-  }
-}
-
-/** Options are [value, label]; a value of the file that is no option is shown as one. */
-class SelectField extends Field {
-  /** @param {FieldOptions} options */
-  makeControl({ options = [], readonly }) {
-    const list = options.map(([value, label]) => make("option", { value }, label));
-    return make("select", { disabled: readonly }, list);
-  }
-
-  value() {
-    return this.control.value || undefined;
-  }
-
-  /** @param {any} value */
-  show(value = "") {
-    const text = typeof value === "string" ? value : JSON.stringify(value);
-    this.control.querySelector(".odd")?.remove();
-    /** @type {HTMLOptionElement[]} */
-    const options = [...this.control.options];
-    if (!options.some((option) => option.value === text))
-      this.control.append(make("option", { value: text, className: "odd" }, `${text || "(none)"}`));
-    this.control.value = text;
+    if (document.activeElement === this.control && this.kind.value(this.control) === value) return;
+    this.kind.show(this.control, value);
   }
 }
 
@@ -318,10 +256,4 @@ class FlagsField {
   }
 }
 
-const FIELDS = {
-  number: NumberField,
-  text: TextField,
-  check: CheckField,
-  select: SelectField,
-  flags: FlagsField,
-};
+const INPUTS = { number: NUMBER, text: TEXT, check: CHECK, select: SELECT };

@@ -41,19 +41,10 @@ fn check_drawable(scenario: &Scenario) {
     let themes = [Theme::Dark, Theme::Light];
     for (view, theme) in views.into_iter().flat_map(|view| themes.map(|theme| (view, theme))) {
         let plain = Options { view, theme, ..size(300, 200) };
-        let marked = Options {
-            view,
-            theme,
-            show_sight: true,
-            show_range: true,
-            show_targets: true,
-            show_ids: true,
-            ..plain
-        };
-        let picture = |options, moments: &[Moment]| render(scenario, options, moments);
-        let moments = std::slice::from_ref(&moment);
-        assert_ne!(picture(plain, moments), picture(plain, &[]), "{view:?}, {theme:?}: no units");
-        assert_ne!(picture(marked, moments), picture(marked, &[]), "{view:?}, {theme:?}: no units");
+        for options in [plain, marked(plain)] {
+            let units = render(scenario, options, std::slice::from_ref(&moment));
+            assert_ne!(units, render(scenario, options, &[]), "{options:?}: no units");
+        }
     }
 }
 

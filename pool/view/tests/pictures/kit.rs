@@ -64,6 +64,17 @@ pub fn size(width: u32, height: u32) -> Options {
     Options { width, height, ..Options::default() }
 }
 
+/// The same options, and all marks.
+pub fn marked(options: Options) -> Options {
+    Options { show_sight: true, show_range: true, show_targets: true, show_ids: true, ..options }
+}
+
+pub fn assert_all_differ(pictures: &[Picture]) {
+    for (i, picture) in pictures.iter().enumerate() {
+        assert!(!pictures[..i].contains(picture), "picture {i} equals an earlier one");
+    }
+}
+
 pub fn render(scenario: &Scenario, options: Options, moments: &[Moment]) -> Picture {
     Renderer::new(scenario, options).unwrap().render_recent(moments)
 }

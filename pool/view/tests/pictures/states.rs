@@ -105,7 +105,7 @@ fn dead_units_leave_no_marks() {
     let scenario = standard("MMM2");
     let sizes = Arena::new(&scenario, Rules::Smaclite).sizes();
     let all_dead = Moment::from_state(&scenario, &vec![0.0; sizes.state_size]);
-    let options = Options { show_sight: true, show_range: true, show_ids: true, ..Options::default() };
+    let options = marked(Options::default());
     assert_eq!(render(&scenario, options, &[all_dead]), render(&scenario, options, &[]));
 }
 

@@ -104,16 +104,13 @@ impl<'a> Session<'a> {
                 Ok(PageResponse::Unfollow {})
             }
             PageRequest::GetSteps { number, step } => {
-                let steps = self.follow().and_then(|follow| follow.steps(number, step));
-                steps.map(PageResponse::GetSteps).map_err(|error| error.to_string())
+                self.followed(|follow| Ok(PageResponse::GetSteps(follow.steps(number, step)?)))
             }
-            PageRequest::GetObservation { number, step, agent } => {
-                let obs = self.follow().and_then(|follow| follow.observation(number, step, agent));
-                obs.map(|obs| PageResponse::GetObservation { obs }).map_err(|error| error.to_string())
-            }
+            PageRequest::GetObservation { number, step, agent } => self.followed(|follow| {
+                Ok(PageResponse::GetObservation { obs: follow.observation(number, step, agent)? })
+            }),
             PageRequest::GetSnapshot { number, step } => {
-                let file = self.follow().and_then(|follow| follow.snapshot(number, step));
-                file.map(PageResponse::GetSnapshot).map_err(|error| error.to_string())
+                self.followed(|follow| Ok(PageResponse::GetSnapshot(follow.snapshot(number, step)?)))
             }
             _ => Err("this request is one of another page".to_owned()),
         };
@@ -150,8 +147,13 @@ impl<'a> Session<'a> {
         Ok(PageResponse::Follow {})
     }
 
-    fn follow(&mut self) -> Result<&mut Follow, FollowError> {
-        self.follow.as_mut().ok_or(FollowError::Nothing)
+    /// What the followed environment responds.
+    fn followed(
+        &mut self,
+        respond: impl FnOnce(&mut Follow) -> Result<PageResponse, FollowError>,
+    ) -> Result<PageResponse, String> {
+        let follow = self.follow.as_mut().ok_or(FollowError::Nothing);
+        follow.and_then(respond).map_err(|error| error.to_string())
     }
 
     fn send_due(&mut self) -> Result<(), Closed> {
