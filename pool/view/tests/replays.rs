@@ -233,7 +233,7 @@ fn episodes_begin_in_the_state_of_a_snapshot() {
     // The page counts the steps of the second one from 9 on.
     let page = smaclite_view::export_html(&copy).unwrap();
     assert_eq!(page.matches("\"first_step\":0,").count(), 2);
-    assert!(page.contains("\"steps\":16,\"first_step\":9,"));
+    assert_eq!(page.matches("\"first_step\":9,").count(), 1);
 }
 
 /// The published code's greatest return grows with every reset, so that an episode depends on those before

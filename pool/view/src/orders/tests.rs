@@ -54,6 +54,17 @@ impl War {
         actions
     }
 
+    /// Plays until an agent has no order, for fewer than so many steps.
+    fn obey(&mut self, agent: usize, most: usize) {
+        for _ in 0..most {
+            if self.order(agent) == Order::None {
+                return;
+            }
+            self.step();
+        }
+        panic!("agent {agent} never ends its order, and is at {}", self.position(agent));
+    }
+
     /// Changes the units.
     fn edit(&mut self, change: impl FnOnce(&mut smaclite_engine::Units)) {
         let mut snapshot = self.battle.save();
@@ -82,12 +93,7 @@ fn a_unit_goes_as_near_to_a_point_as_its_moves_bring_it_and_then_stands() {
         let mut war = War::new("3m");
         let goal = war.position(0) + way;
         war.give(0, to(goal));
-        let mut steps = 0;
-        while war.order(0) != Order::None {
-            war.step();
-            steps += 1;
-            assert!(steps < 20, "it never arrives at {goal}, and is at {}", war.position(0));
-        }
+        war.obey(0, 20);
         // A marine goes 1.6 squares in a step.
         assert!(war.position(0).distance(goal) < 1.2, "{} is not {goal}", war.position(0));
     }
@@ -102,12 +108,7 @@ fn a_wall_ends_an_order() {
     };
     let goal = war.position(0) - Vec2::new(100.0, 0.0); // off the map
     war.give(0, to(goal));
-    let mut steps = 0;
-    while war.order(0) != Order::None {
-        war.step();
-        steps += 1;
-        assert!(steps < 60, "it walks against the wall at {}", war.position(0));
-    }
+    war.obey(0, 60);
     assert!(blocked(&war), "it stands at {}", war.position(0));
 }
 
