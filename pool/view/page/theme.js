@@ -41,29 +41,10 @@ export const theme = {
   },
 
   read() {
-    const style = getComputedStyle(document.documentElement);
-    const names = [
-      "bg",
-      "panel",
-      "raised",
-      "line",
-      "text",
-      "dim",
-      "ally",
-      "ally-deep",
-      "enemy",
-      "enemy-deep",
-      "shield",
-      "energy",
-      "heal",
-      "focus",
-      "floor",
-      "grid",
-      "wall",
-      "wall-edge",
-      "outside",
-    ];
-    for (const name of names) this.colours[name] = style.getPropertyValue(`--${name}`).trim();
+    const style = getComputedStyle(document.documentElement),
+      [rule] = /** @type {any} */ (document.styleSheets[0].cssRules); // that of the root, with all names
+    for (const name of rule.style)
+      if (name.startsWith("--")) this.colours[name.slice(2)] = style.getPropertyValue(name).trim();
     this.dark = document.documentElement.dataset.theme === "dark";
   },
 

@@ -2,7 +2,7 @@
 // Clock: the time that is shown, and how fast it runs. Timeline: the scrub bar with its marks.
 
 import { clamp } from "./numbers.js";
-import { fitCanvas, theme } from "./theme.js";
+import { fitCanvas, theme, traceCircle, traceLine } from "./theme.js";
 
 /** @import { Track } from "./track.js" */
 
@@ -109,18 +109,9 @@ export class Timeline {
       const enemy = track.info.units[unit].faction === 1,
         y = enemy ? middle + 12 : middle - 12;
       context.fillStyle = theme.faint(enemy ? "enemy" : "ally", tick <= time ? 1 : 0.45);
-      context.beginPath();
-      if (enemy) {
-        for (const [dx, dy] of [
-          [0, -4],
-          [4, 0],
-          [0, 4],
-          [-4, 0],
-        ])
-          context.lineTo(x(tick) + dx, y + dy);
-      } else {
-        context.arc(x(tick), y, 3.3, 0, 2 * Math.PI);
-      }
+      const at = x(tick);
+      if (enemy) traceLine(context, [at, y - 4], [at + 4, y], [at, y + 4], [at - 4, y]);
+      else traceCircle(context, at, y, 3.3);
       context.fill();
     }
     this.input.max = String(track.last);

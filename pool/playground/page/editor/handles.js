@@ -3,7 +3,7 @@
 // show where: the box and the cross of the selected group, the flag, and a question mark for a group without
 // units.
 
-import { theme, traceCircle } from "#view/theme.js";
+import { theme, traceCircle, traceLine } from "#view/theme.js";
 import { isNumber } from "./document.js";
 
 /** @import { MapEditor } from "./map.js" */
@@ -183,11 +183,7 @@ export class Handles {
       at = map.toCanvas(x, y),
       isSelected = map.page.goalSelected || map.brush.tool === "goal";
     // A flag above the units, which may stand on the point.
-    context.beginPath();
-    context.moveTo(at.x, at.y);
-    context.lineTo(at.x, at.y - 26);
-    context.lineTo(at.x + 15, at.y - 20.5);
-    context.lineTo(at.x, at.y - 15);
+    traceLine(context, [at.x, at.y], [at.x, at.y - 26], [at.x + 15, at.y - 20.5], [at.x, at.y - 15]);
     context.lineJoin = "round";
     context.lineWidth = 4;
     context.strokeStyle = theme.colours.panel;
