@@ -63,7 +63,7 @@ impl Bundle<'_> {
 struct Parts<'a> {
     /// What is imported, as it is written.
     imports: Vec<&'a str>,
-    /// The rest, without `export` and without comments.
+    /// The rest, without `export`, comments and indentation: no string goes over several lines.
     body: String,
 }
 
@@ -84,7 +84,8 @@ fn parts(text: &str) -> Parts<'_> {
             parts.imports.extend(line.split('"').nth(1));
             is_import = !line.trim_end().ends_with(';');
         } else {
-            parts.body.push_str(&without(line.strip_prefix("export ").unwrap_or(line), "/** @type "));
+            let line = line.strip_prefix("export ").unwrap_or(line).trim_start();
+            parts.body.push_str(&without(line, "/** @type "));
         }
     }
     parts
@@ -129,11 +130,11 @@ mod tests {
     }
 
     #[test]
-    fn comments_are_left_out() {
+    fn comments_and_indentation_are_left_out() {
         let text = "// @ts-check\n/** @typedef {A} B */\n/**\n * A.\n */\nexport const a =\n  \
              /** @type {B} */ (1); // one\n";
         let modules = [Module { path: "a.js", text }];
-        assert_eq!(bundle("a.js", &[&modules]), "const a =\n   (1); // one\n");
+        assert_eq!(bundle("a.js", &[&modules]), "const a =\n (1); // one\n");
     }
 
     #[test]
