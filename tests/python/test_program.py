@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 
-from conftest import PROGRAM, Serve, program, serves_other_processes
+from conftest import PROGRAM, Serve, posix, program, serves_other_processes
 
 
 def test_the_program_runs_as_a_module_and_as_a_script() -> None:
@@ -74,6 +74,20 @@ def test_serve_ends_cleanly_with_ctrl_c(serve: Serve) -> None:
     server.send_signal(signal.SIGINT)
     assert server.wait(30) == 0
     assert sp.pools() == []
+
+
+@posix
+def test_ctrl_c_ends_the_program_while_it_is_imported(tmp_path: Path) -> None:
+    """It printed a traceback in the first 0.4 s."""
+    (tmp_path / "numpy.py").write_text("import os, signal; os.kill(os.getpid(), signal.SIGINT)")
+    script = Path(sysconfig.get_path("scripts")) / "smaclite-pool"
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    for command in ([*PROGRAM, "list"], [sys.executable, str(script), "list"]):
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+        assert (done.returncode, done.stderr) == (-signal.SIGINT, "")
+    library = [sys.executable, "-c", "import smaclite_pool"]
+    done = subprocess.run(library, env=environment, capture_output=True, text=True, check=False)
+    assert "KeyboardInterrupt" in done.stderr
 
 
 def handles(pid: int, number: int) -> bool:

@@ -25,6 +25,7 @@ None of them is imported with this package, and each docstring begins with an ex
 `help("smaclite_pool.marl.smac")`.
 """
 
+from . import _interrupts as _interrupts  # first, as the others take most of the time
 from . import errors, extras
 from ._evaluation import Evaluation, evaluate
 from ._native import (

@@ -4,17 +4,16 @@ import os
 import signal
 import sys
 
+from ._interrupts import is_script
 from ._native import run_program
 
 
 def main() -> int:
     """Run the program with this process's arguments and return its exit status."""
     open_standard_streams()
-    # The program handles Ctrl-C itself; Python's handler would raise KeyboardInterrupt after a clean end.
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # for callers that are neither the script nor the module
     # Scripts that complete commands call the program by this path. A module has none: its name, from PATH.
-    is_script = os.path.basename(sys.argv[0]) in ("smaclite-pool", "smaclite-pool.exe")
-    return run_program([sys.argv[0] if is_script else "smaclite-pool", *sys.argv[1:]])
+    return run_program([sys.argv[0] if is_script() else "smaclite-pool", *sys.argv[1:]])
 
 
 def open_standard_streams() -> None:
