@@ -327,11 +327,19 @@ def test_every_exception_can_be_raised_again_from_its_message() -> None:
         assert str(again) == str(pickle.loads(pickle.dumps(again))) == "what was wrong"
 
 
-@pytest.mark.parametrize("name", ["gymnasium", "jax", "pettingzoo", "ray", "rllib", "torch", "torchrl"])
-def test_a_missing_framework_names_the_extra_to_install(name: str) -> None:
-    module = f"smaclite_pool.integrations.{name}"
+IMPORTS = {
+    **{f"integrations.{name}": name for name in ("gymnasium", "jax", "pettingzoo", "torch", "torchrl")},
+    **{"integrations.ray": "ray", "integrations.rllib": "rllib", "compat.smaclite": "gymnasium"},
+    **{f"examples.{name}": "torch" for name in ("ppo", "self_play", "behaviour_cloning", "epymarl_speed")},
+    **{"examples.value_decomposition": "torch", "examples.ray_rollouts": "ray"},
+}
+"""Modules that need a framework, and the extra that brings it."""
+
+
+@pytest.mark.parametrize(("module", "name"), IMPORTS.items())
+def test_a_missing_framework_names_the_extra_to_install(module: str, name: str) -> None:
     package = {"rllib": "ray"}.get(name, name)
-    done = run_script(f"import sys; sys.modules[{package!r}] = None; import {module}")
+    done = run_script(f"import sys; sys.modules[{package!r}] = None; import smaclite_pool.{module}")
     assert "ModuleNotFoundError" in done.stderr, done.stderr
     # A framework that needs another one, which is missing too, names its own extra.
     assert f"pip install 'smaclite-pool[{name}]'" in done.stderr, done.stderr

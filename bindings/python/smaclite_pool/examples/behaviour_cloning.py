@@ -23,13 +23,16 @@ from typing import Any
 
 import numpy as np
 import smaclite_pool as sp
-import torch
 from numpy.typing import NDArray
-from safetensors.torch import save_file
+from smaclite_pool._requirements import extra
 from smaclite_pool.examples.options import COUNT, SMALL, one_line_errors, option, parsed, parser_of
 from smaclite_pool.examples.ppo import Mlp, log_probabilities, sampled
-from torch import Tensor
-from torch.nn import functional as F
+
+with extra("torch"):
+    import torch
+    from safetensors.torch import save_file
+    from torch import Tensor
+    from torch.nn import functional as F
 
 
 @dataclass(frozen=True)

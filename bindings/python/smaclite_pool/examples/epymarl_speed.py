@@ -27,10 +27,12 @@ from typing import Any
 
 import smaclite_pool as sp
 from smaclite_pool import compat
+from smaclite_pool._requirements import extra
 from smaclite_pool.marl.epymarl import PoolRunner
 
 # Imported by name, so that types can be checked without them.
-torch: Any = importlib.import_module("torch")
+with extra("torch"):
+    torch: Any = importlib.import_module("torch")
 yaml: Any = importlib.import_module("yaml")
 
 

@@ -23,8 +23,11 @@ from typing import Any
 
 import numpy as np
 import smaclite_pool as sp
-import torch
-from safetensors.torch import save_file
+from smaclite_pool._requirements import extra
+
+with extra("torch"):
+    import torch
+    from safetensors.torch import save_file
 
 EPISODES = 32
 """Of an evaluation, with each kind of actions."""

@@ -32,9 +32,8 @@ from typing import Any
 
 import numpy as np
 import smaclite_pool as sp
-import torch
 from numpy.typing import NDArray
-from safetensors.torch import save_file
+from smaclite_pool._requirements import extra
 from smaclite_pool.examples import units_network
 from smaclite_pool.examples.evaluations import Clock, Evaluations, Log, recent
 from smaclite_pool.examples.options import (
@@ -48,8 +47,12 @@ from smaclite_pool.examples.options import (
     parser_of,
     write_options,
 )
-from torch import Tensor, nn
-from torch.nn import functional as F
+
+with extra("torch"):
+    import torch
+    from safetensors.torch import save_file
+    from torch import Tensor, nn
+    from torch.nn import functional as F
 
 ACTIVATIONS: dict[str, Callable[[Tensor], Tensor]] = {"relu": torch.relu, "tanh": torch.tanh}
 

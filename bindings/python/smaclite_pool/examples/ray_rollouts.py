@@ -11,10 +11,13 @@ import argparse
 from typing import Any
 
 import numpy as np
-import ray
 import smaclite_pool as sp
 from numpy.typing import NDArray
+from smaclite_pool._requirements import extra
 from smaclite_pool.integrations.ray import attach, start
+
+with extra("ray"):
+    import ray
 
 Arrays = dict[str, NDArray[Any]]
 GAMMA, LAMBDA, CLIP, EPOCHS, RIDGE = 0.99, 0.95, 0.2, 8, 10.0

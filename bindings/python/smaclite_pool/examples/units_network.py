@@ -29,10 +29,13 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import smaclite_pool as sp
-import torch
+from smaclite_pool._requirements import extra
 from smaclite_pool.types import LayoutPart, Scenario
-from torch import Tensor, nn
-from torch.nn import functional as F
+
+with extra("torch"):
+    import torch
+    from torch import Tensor, nn
+    from torch.nn import functional as F
 
 KINDS = ("enemies", "allies")
 KIND_OF = {"enemies": "enemies", "allies": "allies", "agents": "allies", "last_action": "allies"}

@@ -33,7 +33,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .. import _native
 from .._native import Batch, Envs, scenarios
-from .._requirements import require_integer
+from .._requirements import extra, require_integer
 from ..errors import InvalidRequest
 from ._common import ENEMY_OBSERVATION_KEYS, INFO_FIELDS, OBSERVATION_KEYS, check_keywords
 
@@ -83,14 +83,16 @@ class EnvSpec:
     @property
     def observation_space(self) -> spaces.Dict:
         """Of one environment; needs gymnasium."""
-        from ._spaces import single_observation_space
+        with extra("gymnasium"):
+            from ._spaces import single_observation_space
 
         return single_observation_space(self._envs)
 
     @property
     def action_space(self) -> spaces.MultiDiscrete:
         """Of one environment; needs gymnasium."""
-        from ._spaces import single_action_space
+        with extra("gymnasium"):
+            from ._spaces import single_action_space
 
         return single_action_space(self._envs)
 

@@ -49,7 +49,7 @@ from .._render import (
     check_render_mode,
     check_render_speed,
 )
-from .._requirements import require_integer, require_names, require_synchronous
+from .._requirements import extra, require_integer, require_names, require_synchronous
 from ..errors import InvalidRequest
 from ._common import (
     FIXED_SETTINGS,
@@ -65,7 +65,6 @@ from ._common import (
     stop_unavailable,
     stops,
 )
-from ._extra import extra
 
 with extra("gymnasium"):
     import gymnasium

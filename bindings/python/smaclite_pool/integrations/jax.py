@@ -32,8 +32,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from .._native import Batch
-from .._requirements import require_names
-from ._extra import extra
+from .._requirements import extra, require_names
 
 with extra("jax"):
     import jax

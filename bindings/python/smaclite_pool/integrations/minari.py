@@ -39,9 +39,9 @@ import numpy as np
 
 from .._layout import Bounds, layout_bounds
 from .._native import DATASET_ARRAYS, Dataset, make, scenario
+from .._requirements import extra
 from ..errors import InvalidRequest
 from ._export import Arrays, complete, description, expanded, run
-from ._extra import extra
 
 __all__ = ["export"]
 

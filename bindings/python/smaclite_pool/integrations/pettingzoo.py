@@ -44,6 +44,7 @@ from numpy.typing import NDArray
 
 from .._layout import Bounds, field_bounds
 from .._render import RENDER_FPS, RENDER_MODES, BattleViewer, check_render_mode, check_render_speed
+from .._requirements import extra
 from ..errors import InvalidRequest
 from ._common import (
     FIXED_SETTINGS,
@@ -55,7 +56,6 @@ from ._common import (
     stop_unavailable,
     stops,
 )
-from ._extra import extra
 
 with extra("pettingzoo"):
     from gymnasium.spaces import Box, Dict

@@ -40,22 +40,21 @@ array of 450 KB takes milliseconds through Ray, and microseconds in place.
 
 from __future__ import annotations
 
-import itertools
 import secrets
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from types import TracebackType
 from typing import Any
 
 from .._native import Envs, connect, status
+from .._requirements import extra
 from ..errors import ConnectError, InvalidRequest, LaneTaken, NoSuchPool, PoolDied, PoolError, StartError
 from ..types import PoolStatus
-from ._extra import extra
 
 with extra("ray"):
     import ray
@@ -128,11 +127,11 @@ class Running:
 class Supervisor:
     """Runs in the named actor of a node: starts the node's pool, and starts it again whenever it dies."""
 
-    def __init__(self, fleet: str, arguments: Sequence[str], seeds: dict[str, int]) -> None:
+    def __init__(self, fleet: str, arguments: Sequence[str], seeds: dict[str, int], own: range) -> None:
         node = ray.get_runtime_context().get_node_id()
         self._pool = f"{fleet}-{node[:16]}"  # names of pools have at most 40 characters
         self._command = [sys.executable, "-c", PROGRAM, "serve", *arguments, "--name", self._pool]
-        self._seeds = seeds
+        self._seeds, self._own_seeds = seeds, own
         self._begin()
 
     def _begin(self) -> None:
@@ -191,9 +190,9 @@ class Supervisor:
         except PoolError:
             return None
 
-    def first_seed(self) -> int:
-        """The seed of the first environment of the node's pool."""
-        return min(self._seeds.values())
+    def own_seeds(self) -> range:
+        """The seeds of all environments of the node's pool."""
+        return self._own_seeds
 
     def status(self) -> PoolStatus:
         """The status of the node's pool, as `smaclite_pool.status` returns it."""
@@ -220,7 +219,10 @@ class Fleet:
         """The actor of each node, by Ray's id of the node."""
 
     def running(self, timeout: float = 60.0) -> dict[str, Running]:
-        """Wait for the pool of each node, except nodes that have left. Raises StartError."""
+        """Wait for the pool of each node, except nodes that have left.
+
+        Raises StartError, and PoolDied if the actor of a node has ended.
+        """
         return _get_each({node: actor.running.remote(timeout) for node, actor in self.supervisors.items()})
 
     def spawn(self, actor_class: Any, *args: Any, **kwargs: Any) -> list[Any]:
@@ -235,11 +237,9 @@ class Fleet:
     def stop(self) -> None:
         """End all pools and their actors, on nodes that have not left. Calling it again has no effect."""
         for actor in self.supervisors.values():
-            try:
+            with suppress(NODE_LEFT, ray.exceptions.RayActorError):
                 ray.get(actor.stop.remote())
                 ray.kill(actor)
-            except (NODE_LEFT, ray.exceptions.RayActorError):
-                pass
         self.supervisors = {}
 
     def __enter__(self) -> Fleet:
@@ -252,12 +252,31 @@ class Fleet:
 
 
 def _get_each(results: dict[str, Any]) -> dict[str, Any]:
-    """The results of nodes that have not left."""
+    """The results of the actors of nodes that have not left."""
     present = {}
     for node, result in results.items():
         with suppress(NODE_LEFT):
-            present[node] = ray.get(result)
+            present[node] = _of_actor(node, result)
     return present
+
+
+def _of_actor(node: str, result: Any) -> Any:
+    """A result of the actor that watches the pool of a node. Raises PoolDied if the actor has ended."""
+    try:
+        return ray.get(result)
+    except ray.exceptions.RayActorError as error:
+        raise PoolDied(
+            f"the Ray actor that watches the pool of node {node} has ended, and its pool with it; start the "
+            "fleet again with the same name and arguments"
+        ) from error
+
+
+def free_seeds(begin: int, count: int, used: Iterable[range]) -> range:
+    """The first `count` consecutive seeds from `begin` on of which none is used."""
+    for taken in sorted(used, key=lambda taken: taken.start):
+        if begin < taken.stop and taken.start < begin + count:
+            begin = taken.stop
+    return range(begin, begin + count)
 
 
 def start(
@@ -298,17 +317,18 @@ def start(
         arguments.append(f"--threads={threads}")
     alive = sorted(node["NodeID"] for node in ray.nodes() if node["Alive"])
     actors = {node: actor for node in alive if (actor := _supervisor(name, node)) is not None}
-    used = set(_get_each({node: actor.first_seed.remote() for node, actor in actors.items()}).values())
-    unused = (first for first in itertools.count(seed, lanes * num_envs) if first not in used)
+    used = [*_get_each({node: actor.own_seeds.remote() for node, actor in actors.items()}).values()]
     fleet = Fleet(name, lanes, {})
     remote: Any = ray.remote  # Ray's type hints lack some options
     actor_class = remote(num_cpus=0, max_restarts=-1, max_task_retries=-1, max_concurrency=16)(Supervisor)
     for node in nodes or alive:
-        first = seed if node in actors else next(unused)
-        seeds = {f"lane-{lane}": first + lane * num_envs for lane in range(lanes)}
+        free = free_seeds(seed, lanes * num_envs, used)  # not read if the node's actor runs
+        if node not in actors:
+            used.append(free)
+        seeds = {f"lane-{lane}": free[lane * num_envs] for lane in range(lanes)}
         own = [*arguments, f"--seed={seeds['lane-0']}"]  # `serve` numbers environments through its lanes
         options = {"name": actor_name(name, node), "get_if_exists": True, "scheduling_strategy": on(node)}
-        fleet.supervisors[node] = actor_class.options(**options).remote(name, own, seeds)
+        fleet.supervisors[node] = actor_class.options(**options).remote(name, own, seeds, free)
     try:
         fleet.running(timeout)
     except BaseException:
@@ -360,7 +380,7 @@ class Lane:
                 f"no fleet `{self._fleet}` runs on this node ({node}); start one with "
                 "smaclite_pool.integrations.ray.start"
             )
-        running: Running = ray.get(supervisor.running.remote(timeout))
+        running: Running = _of_actor(node, supervisor.running.remote(timeout))
         lanes = list(running.seeds) if self._lane is None else [self._lane]
         for lane in lanes:
             try:

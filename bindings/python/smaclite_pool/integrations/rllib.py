@@ -46,9 +46,8 @@ from numpy.typing import NDArray
 from .._layout import Bounds
 from .._native import check_settings
 from .._render import RENDER_FPS, RENDER_MODES, BattleViewer, check_render_mode, check_render_speed
-from .._requirements import require_integer
+from .._requirements import extra, require_integer
 from ._common import FIXED_SETTINGS, SingleBattle, TimeStep
-from ._extra import extra
 
 with extra("rllib"):
     from gymnasium.spaces import Box, Dict

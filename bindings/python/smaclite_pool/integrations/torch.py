@@ -33,9 +33,8 @@ from typing import Any
 from numpy.typing import NDArray
 
 from .._native import Batch
-from .._requirements import require_names
+from .._requirements import extra, require_names
 from ..errors import InvalidRequest
-from ._extra import extra
 
 with extra("torch"):
     import torch

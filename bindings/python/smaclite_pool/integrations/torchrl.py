@@ -31,7 +31,7 @@ from numpy.typing import ArrayLike, NDArray
 from .._layout import Bounds, field_bounds
 from .._native import Batch, Envs, Renderer, make
 from .._render import LaneViewer, check_render_mode, check_render_speed
-from .._requirements import require_synchronous
+from .._requirements import extra, require_synchronous
 from .._wrapper import Wrapper
 from ..errors import InvalidRequest
 from ._common import (
@@ -44,7 +44,6 @@ from ._common import (
     refuse_settings,
     require_fields,
 )
-from ._extra import extra
 
 with extra("torchrl"):
     import torch

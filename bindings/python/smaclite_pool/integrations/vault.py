@@ -37,9 +37,9 @@ from typing import Any
 import numpy as np
 
 from .._native import Dataset
+from .._requirements import extra
 from ..errors import InvalidRequest
 from ._export import Arrays, complete, description, expanded, run
-from ._extra import extra
 
 __all__ = ["experience", "export"]
 

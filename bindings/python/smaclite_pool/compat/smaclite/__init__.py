@@ -6,19 +6,23 @@ import os
 from os import PathLike
 from typing import Any, Literal
 
-import gymnasium
 import numpy as np
-from gymnasium import spaces
 from numpy.typing import NDArray
 
 from ..._layout import ScenarioLayout, field_bounds
 from ..._native import FIRST_TARGET, Envs, scenarios
+from ..._requirements import extra
 from ..._units import Unit, UnitsView
 from ...errors import InvalidRequest
 from ...integrations._common import TimeStep
-from ...integrations._spaces import AvailableTuple
-from ...integrations.gymnasium import BattleEnv
 from .. import EPISODE_LIMIT_VARIABLE
+
+with extra("gymnasium"):
+    import gymnasium
+    from gymnasium import spaces
+
+    from ...integrations._spaces import AvailableTuple
+    from ...integrations.gymnasium import BattleEnv
 
 __all__ = ["SMACliteEnv", "register"]
 
