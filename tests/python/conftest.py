@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import json
 import os
 import shutil
 import signal
@@ -134,6 +135,14 @@ def program(
 def replayed(path: Path) -> str:
     """What `smaclite-pool replay` prints about a replay; every tick of it was played again."""
     return program("replay", path).stdout
+
+
+def published_smacv2(folder: Path, name: str) -> Path:
+    """A standard scenario with SMACv2's published code, which terminates episodes at their limit."""
+    scenario = json.loads((REPOSITORY / f"scenarios/data/{name}.json").read_text())
+    path = folder / f"{name}.json"
+    path.write_text(json.dumps({**scenario, "smacv2": {"published": True}}))
+    return path
 
 
 def run_script(text: str, *args: str) -> subprocess.CompletedProcess[str]:

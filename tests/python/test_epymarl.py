@@ -19,7 +19,7 @@ import smaclite_pool as sp
 from smaclite_pool.marl.epymarl import PoolRunner
 from smaclite_pool.marl.smac import MultiAgentEnv
 
-from conftest import REPOSITORY, Serve, replayed
+from conftest import REPOSITORY, Serve, published_smacv2, replayed
 
 torch = pytest.importorskip("torch")
 
@@ -170,9 +170,11 @@ def check_episode(batch: Any, env: MultiAgentEnv, row: int) -> int:
 
 
 @pytest.mark.usefixtures("test_double")
-def test_a_time_out_is_no_end_if_episodes_continue() -> None:
+@pytest.mark.parametrize("published", [False, True])
+def test_a_time_out_is_no_end_if_episodes_continue(published: bool, tmp_path: Path) -> None:
+    scenario = str(published_smacv2(tmp_path, "3s_vs_5z")) if published else "3s_vs_5z"
     for continuing in (False, True):
-        runner, _, log = begun(3, time_limit=4, continuing_episode=continuing)
+        runner, _, log = begun(3, map_name=scenario, time_limit=4, continuing_episode=continuing)
         runner.args.runner_log_interval = 0
         terminated = runner.run()["terminated"][:, :, 0]
         assert terminated.tolist() == [[0, 0, 0, int(not continuing), 0]] * 3

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import smaclite_pool as sp
 from numpy.typing import NDArray
 from smaclite_pool.marl.on_policy import ShareVecEnv
 
-from conftest import Serve
+from conftest import Serve, published_smacv2
 
 
 def legal(available: NDArray[np.bool_], rng: np.random.Generator) -> list[list[int]]:
@@ -61,8 +63,11 @@ def test_steps_are_the_pools_and_shared_by_all_agents() -> None:
     assert adapted.closed and np.sum(kept) > 0
 
 
-def test_a_time_out_is_a_bad_transition() -> None:
-    envs = ShareVecEnv("3s_vs_5z", 2, episode_limit=2)
+@pytest.mark.parametrize("published", [False, True])
+def test_a_time_out_is_a_bad_transition(published: bool, tmp_path: Path) -> None:
+    """It never was one with SMACv2's published code."""
+    scenario = published_smacv2(tmp_path, "3s_vs_5z") if published else "3s_vs_5z"
+    envs = ShareVecEnv(scenario, 2, episode_limit=2)
     envs.reset()
     stop = np.ones((2, 3, 1), np.int64)
     assert not envs.step(stop).infos[0][0]["bad_transition"]

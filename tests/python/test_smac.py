@@ -13,7 +13,7 @@ import smaclite_pool as sp
 from smaclite_pool.marl.on_policy import ShareVecEnv
 from smaclite_pool.marl.smac import Direction, MultiAgentEnv, Unavailable, get_map_params
 
-from conftest import REPOSITORY, replayed
+from conftest import REPOSITORY, published_smacv2, replayed
 
 # All options of SMAC with their defaults.
 SMAC_DEFAULTS: dict[str, object] = {
@@ -326,9 +326,12 @@ def test_options_of_rewards_are_those_of_the_battle() -> None:
         env.close()
 
 
-def test_time_out_is_terminated_and_marked_only_if_asked() -> None:
+@pytest.mark.parametrize("published", [False, True])
+def test_time_out_is_terminated_and_marked_only_if_asked(published: bool, tmp_path: Path) -> None:
+    """With SMACv2's published code it was a defeat, and never marked."""
+    scenario = published_smacv2(tmp_path, "3s_vs_5z") if published else "3s_vs_5z"
     for continuing in (False, True):
-        env = MultiAgentEnv("3s_vs_5z", seed=1, episode_limit=3, continuing_episode=continuing)
+        env = MultiAgentEnv(scenario, seed=1, episode_limit=3, continuing_episode=continuing)
         env.reset()
         for step in range(3):
             _, terminated, info = env.step([1, 1, 1])
@@ -337,6 +340,7 @@ def test_time_out_is_terminated_and_marked_only_if_asked() -> None:
         assert not info["battle_won"] and info["dead_allies"] == info["dead_enemies"] == 0
         stats = env.get_stats()
         assert (stats["battles_game"], stats["battles_draw"], stats["timeouts"]) == (1, 1, 1)
+        assert not env.defeat_counted
         env.reset()
         assert not env.step([1, 1, 1])[1]
         env.close()

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ._layout import loses_draws, terminates_at_limit, unwrapped
+from ._layout import limit_ends, loses_draws, unwrapped
 from ._native import Batch, Envs, ScriptedPolicy, scenario
 from ._requirements import require_environments, require_integer, suggests_keywords
 from ._team import Team
@@ -144,15 +144,10 @@ def evaluate(
 
 def _defeats(envs: Envs | Wrapper) -> Callable[[Batch, np.intp, bool], bool]:
     """A function that says whether the agents lost an episode that ended without their victory."""
-    info, spec = scenario(unwrapped(envs)), envs.spec
-    counts_draws, terminates_late = loses_draws(info), terminates_at_limit(info)
+    counts_draws, at_limit = loses_draws(scenario(unwrapped(envs))), limit_ends(envs)
 
     def has_lost(batch: Batch, slot: np.intp, is_draw: bool) -> bool:
-        is_late = terminates_late and batch.episode_length[slot] == spec.episode_limit
-        # Batches do not tell whether those who live then are healers alone, who have lost.
-        if is_late and batch.dead_allies[slot] < spec.n_agents:
-            return False
-        return bool(batch.terminated[slot]) and (counts_draws or not is_draw)
+        return bool((batch.terminated & ~at_limit(batch))[slot]) and (counts_draws or not is_draw)
 
     return has_lost
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import math
+import operator
+from collections.abc import Callable
 from dataclasses import dataclass
 from os import PathLike
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
@@ -175,6 +177,23 @@ def loses_draws(info: Scenario) -> bool:
 def terminates_at_limit(info: Scenario) -> bool:
     """Whether episodes at their limit have terminated, as in SMACv2's published code."""
     return info["smacv2"] is not None and bool(info["smacv2"]["published"])
+
+
+def limit_ends(envs: Envs | Wrapper) -> Callable[[Any], Bools]:
+    """A function that says which steps of a batch ended an episode by its limit alone, bool [M].
+
+    That is `truncated`, except with SMACv2's published code, which terminates such episodes. Batches do not
+    tell whether healers alone live then, who have lost: such steps count as ended by the limit.
+    """
+    spec = envs.spec
+    if not terminates_at_limit(scenario(unwrapped(envs))):
+        return operator.attrgetter("truncated")
+
+    def ended_by_limit(batch: Any) -> Bools:
+        is_late: Bools = batch.terminated & (batch.episode_length == spec.episode_limit)
+        return is_late & ~batch.battle_won & (batch.dead_allies < spec.n_agents)
+
+    return ended_by_limit
 
 
 Bounds = tuple[Floats, Floats]

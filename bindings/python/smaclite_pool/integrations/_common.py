@@ -13,7 +13,7 @@ from typing import Any, Literal, TypeAlias, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from .._layout import Bounds, field_bounds, loses_draws, terminates_at_limit
+from .._layout import Bounds, field_bounds, limit_ends, loses_draws, terminates_at_limit
 from .._native import NO_OP, STOP, Batch, Envs, check_settings, make, scenario, snapshot_columns
 from ..errors import InvalidRequest
 
@@ -223,6 +223,8 @@ class TimeStep:
     """The team reward."""
     terminated: bool
     truncated: bool
+    at_limit: bool
+    """Whether the step ended the episode by its limit alone."""
     episode_return: float
     """Sum of rewards so far."""
     episode_length: int
@@ -263,7 +265,7 @@ class TimeStep:
         return {**self.info, "episode_return": self.episode_return, "episode_length": self.episode_length}
 
     @staticmethod
-    def of(batch: Batch) -> TimeStep:
+    def of(batch: Batch, at_limit: bool = False) -> TimeStep:
         """The only environment of a batch."""
         enemies = None
         if "enemy_obs" in batch:
@@ -280,6 +282,7 @@ class TimeStep:
             reward=batch.reward[0].item(),
             terminated=batch.terminated[0].item(),
             truncated=batch.truncated[0].item(),
+            at_limit=at_limit,
             episode_return=batch.episode_return[0].item(),
             episode_length=batch.episode_length[0].item(),
             snapshot=batch.snapshot[0].copy(),
@@ -322,6 +325,7 @@ class SingleBattle:
         )
         if not both_sides:
             check_one_side(self.envs)
+        self._limit_ends = limit_ends(self.envs)
         spec = self.envs.spec
         self.agents = [f"agent_{agent}" for agent in range(spec.n_agents)]
         if spec.sides == "both":
@@ -382,7 +386,8 @@ class SingleBattle:
         if given != expected:
             raise InvalidRequest(f"actions must have one integer per agent, shape {expected}, got {given}")
         joint: Any = [actions]
-        self._last = TimeStep.of(self.envs.step(joint))
+        batch = self.envs.step(joint)
+        self._last = TimeStep.of(batch, self._limit_ends(batch)[0].item())
         return self._last
 
     def step_by_name(self, actions: Mapping[str, int | np.integer[Any]]) -> TimeStep:

@@ -43,7 +43,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from .._layout import feature_blocks
+from .._layout import feature_blocks, limit_ends
 from .._native import REWARD_DEFAULTS, Envs, Recorder, connect, make, scenario
 from ..errors import InvalidRequest
 from ..integrations._common import INFO_FIELDS, OUTCOME_FIELDS, check_one_side, require_fields
@@ -242,6 +242,8 @@ class _Rows:
         for name in self.FIELDS:
             dtype, (_, *shape) = fields[name]
             self._fields[name] = np.zeros((envs.spec.num_envs, *shape), dtype)
+        self._at_limit = np.zeros(envs.spec.num_envs, np.bool_)
+        self._limit_ends = limit_ends(envs)
 
     def receive(self, envs: Envs, count: int) -> None:
         """Receive the next `count` environments that have finished a step."""
@@ -250,6 +252,7 @@ class _Rows:
             rows = batch.env_id
             for name, array in self._fields.items():
                 array[rows] = getattr(batch, name)
+            self._at_limit[rows] = self._limit_ends(batch)
             count -= len(rows)
 
     def before_action(self, rows: list[int]) -> dict[str, NDArray[Any]]:
@@ -261,9 +264,9 @@ class _Rows:
     def after_action(self, rows: list[int], marks_timeouts: bool) -> dict[str, NDArray[Any]]:
         """The arrays that it stores after an action: [rows, 1]."""
         fields = self._fields
-        ended = fields["terminated"][rows, None]
-        if not marks_timeouts:
-            ended = ended | fields["truncated"][rows, None]
+        ended = fields["terminated"][rows, None] | fields["truncated"][rows, None]
+        if marks_timeouts:
+            ended = ended & ~self._at_limit[rows, None]
         return {"reward": fields["reward"][rows, None], "terminated": ended}
 
     def ended(self, rows: list[int]) -> list[int]:
@@ -274,7 +277,7 @@ class _Rows:
     def info(self, row: int, marks_timeouts: bool) -> dict[str, float]:
         """`info` of the last step of an environment whose episode ended."""
         info = {name: float(self._fields[name][row]) for name in OUTCOME_FIELDS}
-        if marks_timeouts and self._fields["truncated"][row]:
+        if marks_timeouts and self._at_limit[row]:
             info["episode_limit"] = 1.0
         return info
 

@@ -28,7 +28,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .._native import Batch, Envs, connect, make
+from .._layout import limit_ends, terminates_at_limit
+from .._native import Batch, Envs, connect, make, scenario
 from .._requirements import require_synchronous
 from ..errors import InvalidRequest
 from ..integrations._common import check_one_side, require_fields
@@ -131,9 +132,12 @@ class ShareVecEnv:
         ConnectError, and InvalidRequest for a pool with other settings.
         """
         envs = connect(pool, lane, timeout=timeout)
+        needed = ["obs", "state", "avail_actions", "alive", "battle_won"]
+        if terminates_at_limit(scenario(envs)):
+            needed += ["dead_allies", "episode_length"]
         try:
             require_synchronous(check_one_side(envs), f"the learner of pool `{pool}`", "SameStep")
-            require_fields(envs, cls.__name__, ["obs", "state", "avail_actions", "alive", "battle_won"])
+            require_fields(envs, cls.__name__, needed)
         except InvalidRequest:
             envs.close()
             raise
@@ -143,7 +147,7 @@ class ShareVecEnv:
 
     def _serve(self, envs: Envs) -> None:
         spec = envs.spec
-        self._envs = envs
+        self._envs, self._at_limit = envs, limit_ends(envs)
         self.num_envs, self.n_agents = spec.num_envs, spec.n_agents
         self.observation_space = [[spec.obs_size] for _ in range(spec.n_agents)]
         self.share_observation_space = [[spec.state_size] for _ in range(spec.n_agents)]
@@ -181,13 +185,12 @@ class ShareVecEnv:
     def step_wait(self) -> Step:
         """Wait for the result of the step. Raises IllegalAction if an action was unavailable."""
         batch = self._envs.recv()
-        truncated = batch.truncated
-        ended = batch.terminated | truncated
-        self._counts += np.stack((batch.battle_won, ended, truncated), axis=1)
+        ended, at_limit = batch.terminated | batch.truncated, self._at_limit(batch)
+        self._counts += np.stack((batch.battle_won, ended, at_limit), axis=1)
         # A copy, as on-policy keeps the rewards of an episode.
         rewards = batch.reward[:, None, None].repeat(self.n_agents, axis=1)
         dones = ~batch.alive | ended[:, None]
-        infos = self._infos(batch.battle_won.tolist(), truncated.tolist())
+        infos = self._infos(batch.battle_won.tolist(), at_limit.tolist())
         return Step(batch.obs, self._shared(batch), rewards, dones, infos, batch.avail_actions)
 
     def step(self, actions: ArrayLike) -> Step:
@@ -210,17 +213,17 @@ class ShareVecEnv:
             batch.state[:, None, :], (self.num_envs, self.n_agents, self._envs.spec.state_size)
         )
 
-    def _infos(self, won: list[bool], truncated: list[bool]) -> list[list[dict[str, Any]]]:
+    def _infos(self, won: list[bool], at_limit: list[bool]) -> list[list[dict[str, Any]]]:
         infos = []
-        for (battles_won, battles_game, battles_draw), has_won, is_truncated in zip(
-            self._counts.tolist(), won, truncated, strict=True
+        for (battles_won, battles_game, battles_draw), has_won, is_late in zip(
+            self._counts.tolist(), won, at_limit, strict=True
         ):
             info = {
                 "battles_won": battles_won,
                 "battles_game": battles_game,
                 "battles_draw": battles_draw,
                 "restarts": 0,
-                "bad_transition": is_truncated,
+                "bad_transition": is_late,
                 "won": has_won,
             }
             infos.append([info] * self.n_agents)

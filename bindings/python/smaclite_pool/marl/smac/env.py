@@ -225,9 +225,9 @@ class MultiAgentEnv(EpisodeCounts, Queries, Details):
         self._update(now)
         info, won = now.info.copy(), bool(now.info["battle_won"])
         is_draw = (info["dead_allies"], info["dead_enemies"]) == (self.n_agents, self.n_enemies)
-        lost = now.terminated and not won and (self._loses_draws or not is_draw)
-        self._count_step(ended=now.ended, won=won, lost=lost, at_limit=now.truncated)
-        if now.truncated and self.continuing_episode:
+        lost = now.terminated and not (won or now.at_limit) and (self._loses_draws or not is_draw)
+        self._count_step(ended=now.ended, won=won, lost=lost, at_limit=now.at_limit)
+        if now.at_limit and self.continuing_episode:
             info["episode_limit"] = True
         if self.debug:
             _log.debug("actions %s, reward %s, info %s", chosen, now.reward, info)
