@@ -25,7 +25,16 @@ ray = pytest.importorskip("ray")
 
 import smaclite_pool.integrations.ray
 from ray.cluster_utils import Cluster
-from smaclite_pool.integrations.ray import MAX_BACKOFF, Fleet, Supervisor, actor_name, attach, back_off, start
+from smaclite_pool.integrations.ray import (
+    MAX_BACKOFF,
+    Fleet,
+    Supervisor,
+    actor_name,
+    attach,
+    back_off,
+    free_seeds,
+    start,
+)
 
 
 @pytest.fixture(autouse=True)
@@ -170,6 +179,24 @@ def test_a_killed_actor_is_restarted_and_leaves_no_second_pool(fleet: Fleet) -> 
         again["pool"] == where["pool"] and again["pid"] == fleet.running()[where["node"]].pid != where["pid"]
     )
     assert ends(where["pid"])
+
+
+def test_seeds_of_pools_of_other_sizes_do_not_overlap() -> None:
+    """A second start looked for first seeds alone: with fewer environments it gave some to two pools."""
+    used = [range(108, 116), range(100, 108)]
+    assert free_seeds(100, 6, used) == range(116, 122)
+    assert free_seeds(90, 10, used) == range(90, 100)
+    assert free_seeds(90, 11, used) == range(116, 127)
+
+
+def test_an_actor_that_has_ended_is_an_error_that_names_its_node(cluster: Cluster) -> None:
+    """It was Ray's own error."""
+    with start("2s3z", 2, name="ended") as fleet:
+        [node, *_] = fleet.supervisors
+        ray.kill(fleet.supervisors[node])
+        for call in (fleet.running, fleet.status):
+            with pytest.raises(sp.errors.PoolDied, match=f"of node {node} has ended.*start the fleet again"):
+                call()
 
 
 def test_a_pool_that_cannot_start_says_why(cluster: Cluster) -> None:

@@ -94,14 +94,12 @@ class Team:
         """The network's outputs, float32 [M, n_agents, n_actions], for float32 [M, n_agents, obs_size]."""
         expected = self._obs_shape
         if obs.shape[1:] != expected:
-            why = (
-                "a team plays the enemies of a scenario whose two sides have equal sizes; make environments"
-                if self.side == "enemies"
-                else "make environments of its scenario"
-            )
+            advice = "make environments of its scenario with `**team.settings`"
+            if self.side == "enemies" and obs.shape[1] != expected[0]:
+                advice = "a team plays the enemies where they are as many as its own units"
             raise InvalidRequest(
                 f"the team of {self.name} has observations [M, {expected[0]}, {expected[1]}], got "
-                f"{list(obs.shape)}: {why} with `**team.settings`"
+                f"{list(obs.shape)}: {advice}"
             )
         return self._network.logits(np.ascontiguousarray(obs, np.float32))
 

@@ -22,7 +22,8 @@ class Wrapper:
 
     A subclass overrides `change_batch`, `change_actions`, or both; all methods that return batches or take
     actions use them. If batches or actions have other sizes then, it overrides `change_spec`, too. Everything
-    else is that of `envs`, which can be a wrapper too.
+    else is that of `envs`, which can be a wrapper too. So `sample_actions` draws what `change_actions`
+    returns; override it where the learner passes other numbers or shapes.
 
         class Scaled(smaclite_pool.extras.Wrapper):
             def change_batch(self, batch):
