@@ -190,8 +190,9 @@ def limit_ends(envs: Envs | Wrapper) -> Callable[[Any], Bools]:
         return operator.attrgetter("truncated")
 
     def ended_by_limit(batch: Any) -> Bools:
-        is_late: Bools = batch.terminated & (batch.episode_length == spec.episode_limit)
-        return is_late & ~batch.battle_won & (batch.dead_allies < spec.n_agents)
+        ends: Bools = batch.terminated & (batch.episode_length == spec.episode_limit)
+        ends &= ~batch.battle_won & (batch.dead_allies < spec.n_agents)
+        return ends
 
     return ended_by_limit
 
