@@ -22,14 +22,11 @@ RENDER_FPS = 2
 """Pictures per second at the speed of the battle: a step is half a second."""
 
 
-def check_render_mode(mode: str | None) -> None:
-    """Raise InvalidRequest unless the mode is None or one of `RENDER_MODES`."""
+def check_rendering(mode: str | None, speed: float | None = 1.0) -> None:
+    """Raise InvalidRequest for a mode that is not None or one of `RENDER_MODES`, and for a speed that is not
+    None or a finite number above 0."""
     if mode is not None and mode not in RENDER_MODES:
         raise InvalidRequest(f'render_mode must be None, "human" or "rgb_array", got {mode!r}')
-
-
-def check_render_speed(speed: float | None) -> None:
-    """Raise InvalidRequest unless the speed is None or a finite number above 0."""
     if speed is not None and not (isinstance(speed, int | float) and 0 < speed < math.inf):
         raise InvalidRequest(f"render_speed must be a number above 0, or None for no waiting, got {speed!r}")
 
@@ -44,7 +41,7 @@ class Window:
     """
 
     def __init__(self, title: str, speed: float | None = 1.0) -> None:
-        check_render_speed(speed)
+        check_rendering(None, speed)
         self._title = title
         self._seconds = 0.0 if speed is None else 1 / (RENDER_FPS * speed)
         self._shown = -math.inf
@@ -119,7 +116,7 @@ class BattleViewer:
         mode: str | None = None,
         speed: float | None = 1.0,
     ) -> None:
-        check_render_mode(mode)
+        check_rendering(mode)
         self._of, self._size, self._mode = of, (width, height), mode
         self._window = Window(f"smaclite_pool: {of if isinstance(of, str) else of.spec.scenario}", speed)
 
@@ -165,7 +162,7 @@ class LaneViewer:
     def __init__(
         self, envs: Envs, mode: str | None, speed: float | None = 1.0, renderer: Renderer | None = None
     ) -> None:
-        check_render_mode(mode)
+        check_rendering(mode)
         self._mode = mode
         self._window = Window(f"smaclite_pool: {envs.spec.scenario}", speed)
         self._batch: Batch | None = None

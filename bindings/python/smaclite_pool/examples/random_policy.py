@@ -5,23 +5,23 @@ Usage:
     python -m smaclite_pool.examples.random_policy 2s3z --num-envs 64 --seconds 5
 """
 
-import argparse
+from __future__ import annotations
+
 import time
+from dataclasses import dataclass
 
 import numpy as np
 import smaclite_pool as sp
-from smaclite_pool.examples.options import one_line_errors
+from smaclite_pool.examples.options import SEED, one_line_errors, option, parsed, parser_of
 
 
-def arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description="Play a scenario with uniformly random available actions.")
-    a_scenario = "a standard scenario or a file (default: 2s3z)"
-    parser.add_argument("scenario", nargs="?", default="2s3z", help=a_scenario)
-    parser.add_argument("--num-envs", type=int, default=64, help="environments stepped at once (default: 64)")
-    parser.add_argument("--seconds", type=float, default=5.0, help="how long to play (default: 5)")
-    parser.add_argument("--threads", type=int, help="threads (default: as many as there are cores)")
-    parser.add_argument("--seed", type=int, default=1, help="of environments and policy (default: 1)")
-    return parser.parse_args()
+@dataclass(frozen=True)
+class Options:
+    scenario: str = "2s3z"
+    num_envs: int = option(64, "environments stepped at once", within=(1, 65_536))
+    seconds: float = option(5.0, "how long to play", within=(0, 1e6))
+    threads: int = option(0, "threads of the pool; 0: as many as there are cores", within=(0, 1024))
+    seed: int = option(1, "of environments and policy", within=SEED)
 
 
 def play(envs: sp.Envs, seconds: float, seed: int) -> None:
@@ -50,9 +50,9 @@ def play(envs: sp.Envs, seconds: float, seed: int) -> None:
 
 
 def main() -> None:
-    options = arguments()
+    options = Options(**parsed(parser_of(Options, __doc__, "a standard scenario or a file"), Options))
     with one_line_errors("random_policy"):
-        with sp.make(options.scenario, options.num_envs, threads=options.threads) as envs:
+        with sp.make(options.scenario, options.num_envs, threads=options.threads or None) as envs:
             play(envs, options.seconds, options.seed)
 
 

@@ -7,13 +7,16 @@ Both are simple enough to differentiate by hand, so that the example shows how r
 `RAY_ADDRESS` set it joins that cluster.
 """
 
-import argparse
+from __future__ import annotations
+
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import smaclite_pool as sp
 from numpy.typing import NDArray
 from smaclite_pool._requirements import extra
+from smaclite_pool.examples.options import COUNT, SMALL, one_line_errors, option, parsed, parser_of
 from smaclite_pool.integrations.ray import attach, start
 
 with extra("ray"):
@@ -21,6 +24,17 @@ with extra("ray"):
 
 Arrays = dict[str, NDArray[Any]]
 GAMMA, LAMBDA, CLIP, EPOCHS, RIDGE = 0.99, 0.95, 0.2, 8, 10.0
+
+
+@dataclass(frozen=True)
+class Options:
+    scenario: str = "2s_vs_1sc"
+    num_envs: int = option(32, "environments per lane", within=(1, 65_536))
+    lanes: int = option(1, "rollout actors per node", within=(1, 1024))
+    threads: int = option(0, "worker threads per node; 0: its cores - 1", within=(0, 1024))
+    steps: int = option(64, "steps per rollout", within=COUNT)
+    updates: int = option(20, "number of policy updates", within=COUNT)
+    rate: float = option(0.1, "length of a policy step", within=SMALL)
 
 
 def probabilities(weights: Arrays, obs: NDArray[Any], legal: NDArray[Any]) -> NDArray[Any]:
@@ -109,9 +123,11 @@ def improve(weights: Arrays, rollout: Arrays, rate: float) -> Arrays:
     return {"policy": policy, "value": value}
 
 
-def train(options: argparse.Namespace) -> None:
-    settings = {"lanes": options.lanes, "threads": options.threads, "serve": ("--autoreset-mode", "SameStep")}
-    with start(options.scenario, options.num_envs, **settings) as fleet:
+def train(options: Options) -> None:
+    serve, threads = ("--autoreset-mode", "SameStep"), options.threads or None
+    with start(
+        options.scenario, options.num_envs, lanes=options.lanes, threads=threads, serve=serve
+    ) as fleet:
         rollouts = fleet.spawn(Rollout, options.steps)
         sizes = ray.get(rollouts[0].sizes.remote())
         nodes = len(fleet.supervisors)
@@ -132,18 +148,11 @@ def train(options: argparse.Namespace) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Data-parallel PPO on a Ray cluster.")
-    a_scenario = "a standard scenario or a file that every node has (default: 2s_vs_1sc)"
-    parser.add_argument("scenario", nargs="?", default="2s_vs_1sc", help=a_scenario)
-    parser.add_argument("--num-envs", type=int, default=32, help="environments per lane (default: 32)")
-    parser.add_argument("--lanes", type=int, default=1, help="rollout actors per node (default: 1)")
-    parser.add_argument("--threads", type=int, help="worker threads per node (default: its cores - 1)")
-    parser.add_argument("--steps", type=int, default=64, help="steps per rollout (default: 64)")
-    parser.add_argument("--updates", type=int, default=20, help="number of policy updates (default: 20)")
-    parser.add_argument("--rate", type=float, default=0.1, help="length of a policy step (default: 0.1)")
-    options = parser.parse_args()
+    parser = parser_of(Options, __doc__, "a standard scenario, or a file that every node has")
+    options = Options(**parsed(parser, Options))
     ray.init(log_to_driver=False)
-    train(options)
+    with one_line_errors("ray_rollouts"):
+        train(options)
 
 
 if __name__ == "__main__":

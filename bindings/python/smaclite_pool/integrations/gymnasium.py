@@ -46,8 +46,7 @@ from .._render import (
     BattleViewer,
     LaneViewer,
     Picture,
-    check_render_mode,
-    check_render_speed,
+    check_rendering,
 )
 from .._requirements import extra, require_integer, require_names, require_synchronous
 from ..errors import InvalidRequest
@@ -342,8 +341,7 @@ def make_vector(
         if "episode_limit" in settings:
             raise InvalidRequest("episode_limit and max_episode_steps are one limit here; give one of them")
         settings["episode_limit"] = max_episode_steps
-    check_render_mode(render_mode)
-    check_render_speed(render_speed)
+    check_rendering(render_mode, render_speed)
     return BattleVectorEnv(
         make(_one_of(scenario, map_file), num_envs, seed=seed, autoreset_mode=autoreset_mode, **settings),
         illegal_actions=illegal_actions,
@@ -393,8 +391,7 @@ class BattleEnv(CopiedByArguments, gymnasium.Env[Any, Any]):
     ) -> None:
         check_keywords(type(self), settings, FIXED_SETTINGS)
         self._stops = stops(illegal_actions)
-        check_render_mode(render_mode)
-        check_render_speed(render_speed)
+        check_rendering(render_mode, render_speed)
         name = _one_of(scenario, map_file)
         self.render_mode = render_mode
         self._battle = SingleBattle(name, {"seed": seed, "episode_limit": episode_limit, **settings})

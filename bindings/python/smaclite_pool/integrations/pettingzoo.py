@@ -43,7 +43,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .._layout import Bounds, field_bounds
-from .._render import RENDER_FPS, RENDER_MODES, BattleViewer, check_render_mode, check_render_speed
+from .._render import RENDER_FPS, RENDER_MODES, BattleViewer, check_rendering
 from .._requirements import extra
 from ..errors import InvalidRequest
 from ._common import (
@@ -113,8 +113,7 @@ class parallel_env(CopiedByArguments, ParallelEnv[str, Observation, np.int64]):
             raise InvalidRequest(f'action_mask must be "observation" or "info", got {action_mask!r}')
         self._is_plain, self._stops = action_mask == "info", stops(illegal_actions)
         self.render_mode = render_mode
-        check_render_mode(render_mode)
-        check_render_speed(render_speed)
+        check_rendering(render_mode, render_speed)
         self._battle = SingleBattle(scenario, settings, both_sides=True, shares=own_rewards)
         envs = self._battle.envs
         self._viewer = BattleViewer(envs, *self.picture_size, render_mode, render_speed)

@@ -45,7 +45,7 @@ from numpy.typing import NDArray
 
 from .._layout import Bounds
 from .._native import check_settings
-from .._render import RENDER_FPS, RENDER_MODES, BattleViewer, check_render_mode, check_render_speed
+from .._render import RENDER_FPS, RENDER_MODES, BattleViewer, check_rendering
 from .._requirements import extra, require_integer
 from ._common import FIXED_SETTINGS, SingleBattle, TimeStep
 
@@ -97,8 +97,7 @@ class BattleMultiAgentEnv(MultiAgentEnv):
         scenario = settings.pop("scenario")
         self.render_mode: str | None = settings.pop("render_mode", "rgb_array")
         speed: float | None = settings.pop("render_speed", 1.0)
-        check_render_mode(self.render_mode)
-        check_render_speed(speed)
+        check_rendering(self.render_mode, speed)
         self._battle = SingleBattle(scenario, settings, both_sides=True)
         self._viewer = BattleViewer(self._battle.envs, *self.picture_size, self.render_mode, speed)
         agents, sizes = self._battle.agents, self._battle.sizes

@@ -30,7 +30,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from .._layout import Bounds, field_bounds
 from .._native import Batch, Envs, Renderer, make
-from .._render import LaneViewer, check_render_mode, check_render_speed
+from .._render import LaneViewer, check_rendering
 from .._requirements import extra, require_synchronous
 from .._wrapper import Wrapper
 from ..errors import InvalidRequest
@@ -133,8 +133,7 @@ class PoolEnv(EnvBase):
         **settings: Any,
     ) -> None:
         check_keywords(type(self), settings, ["autoreset_mode"])
-        check_render_mode(render_mode)
-        check_render_speed(render_speed)
+        check_rendering(render_mode, render_speed)
         envs: Any
         if isinstance(scenario, Envs | Wrapper):
             if num_envs not in (None, scenario.spec.num_envs):

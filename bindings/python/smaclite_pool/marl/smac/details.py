@@ -15,7 +15,7 @@ from ..._units import Unit
 from ...integrations._common import SingleBattle
 from .views import AROUND, N_PATHING, Views
 
-__all__ = ["Details", "Direction"]
+__all__ = ["UNIT_TYPES", "Details", "Direction"]
 
 _OF_STARCRAFT = "it belongs to StarCraft II, which is not used"
 
@@ -34,7 +34,7 @@ _UNAVAILABLE = {
     "last_stats": "`get_stats` has what was counted",
 }
 
-_TYPES = (
+UNIT_TYPES = (
     "BANELING", "COLOSSUS", "HYDRALISK", "MARAUDER", "MARINE", "MEDIVAC", "STALKER", "ZEALOT", "ZERGLING",
 )  # fmt: skip
 
@@ -66,7 +66,7 @@ class Details:
         if not name.startswith("_") and name in self._options:
             return self._options[name]
         unit_type = name.removesuffix("_id").upper()
-        if name.endswith("_id") and unit_type in _TYPES:
+        if name.endswith("_id") and unit_type in UNIT_TYPES:
             types = self._views.layout.info["unit_types"]
             ids = {unit["unit_type"]: unit["type_id"] for unit in types}
             return ids.get(unit_type, -1)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..._layout import Bools, Floats, loses_draws
 from ..._native import Recorder, scenario
-from ..._render import RENDER_MODES, BattleViewer, check_render_speed
+from ..._render import RENDER_MODES, BattleViewer, check_rendering
 from ..._requirements import require_integer
 from ...errors import InvalidRequest
 from ...integrations._common import SingleBattle, TimeStep
@@ -25,7 +25,7 @@ from .details import Details
 from .heuristic import Heuristic
 from .queries import Queries
 from .unavailable import Unavailable
-from .views import ViewOptions, Views
+from .views import Views
 
 _log = logging.getLogger(__name__)
 
@@ -37,6 +37,13 @@ _FIXED: dict[str, tuple[tuple[object, ...], str]] = {
     "game_version": ((None, "latest"), "StarCraft II is not used; `rules` chooses the rule set"),
 }
 
+
+# Options that are attributes of an environment, as in SMAC, beside those of rewards.
+_OPTIONS = (
+    "difficulty", "game_version", "obs_all_health", "obs_own_health", "obs_last_action", "obs_pathing_grid",
+    "obs_terrain_height", "obs_instead_of_state", "obs_timestep_number", "state_last_action",
+    "state_timestep_number",
+)  # fmt: skip
 
 __all__ = ["MultiAgentEnv", "check_fixed", "get_map_params"]
 
@@ -134,60 +141,24 @@ class MultiAgentEnv(EpisodeCounts, Queries, Details):
                 "heuristic_rest=True restricts it to available ones"
             )
         self.map_name = str(map_name)
-        # As SMAC's attributes of these names.
-        self._options = {
-            "difficulty": difficulty,
-            "game_version": game_version,
-            "obs_all_health": obs_all_health,
-            "obs_own_health": obs_own_health,
-            "obs_last_action": obs_last_action,
-            "obs_pathing_grid": obs_pathing_grid,
-            "obs_terrain_height": obs_terrain_height,
-            "obs_instead_of_state": obs_instead_of_state,
-            "obs_timestep_number": obs_timestep_number,
-            "state_last_action": state_last_action,
-            "state_timestep_number": state_timestep_number,
-        }
-        rewards: dict[str, bool | float] = {
-            "reward_sparse": reward_sparse,
-            "reward_only_positive": reward_only_positive,
-            "reward_death_value": reward_death_value,
-            "reward_win": reward_win,
-            "reward_defeat": reward_defeat,
-            "reward_negative_scale": reward_negative_scale,
-            "reward_scale": reward_scale,
-            "reward_scale_rate": reward_scale_rate,
-        }
-        self._options |= rewards
+        given = locals()
+        self._options = {name: given[name] for name in _OPTIONS}
         self.continuing_episode = continuing_episode
         self.heuristic_ai, self.heuristic_rest, self.debug = heuristic_ai, heuristic_rest, debug
         self.replay_dir, self.replay_prefix = replay_dir or "", replay_prefix or ""
         self.window_size = (window_size_x, window_size_y)
-        check_render_speed(render_speed)
+        check_rendering(None, render_speed)
         self._seed = secrets.randbits(32) if seed is None else require_integer("seed", seed, 0)
         settings = {
             "seed": self._seed,
             "episode_limit": episode_limit,
             "rules": rules,
             "opponent": opponent,
-            "rewards": changed_rewards(rewards),
+            "rewards": changed_rewards(given),
         }
         self._battle = SingleBattle(map_name, settings)
         self._viewer = BattleViewer(self._battle.envs, *self.window_size, speed=render_speed)
-        self._views = Views(
-            self._battle.envs,
-            ViewOptions(
-                all_health=obs_all_health,
-                own_health=obs_own_health or obs_all_health,
-                last_action=obs_last_action,
-                pathing_grid=obs_pathing_grid,
-                terrain_height=obs_terrain_height,
-                timestep_number=obs_timestep_number,
-                instead_of_state=obs_instead_of_state,
-                state_last_action=state_last_action,
-                state_timestep_number=state_timestep_number,
-            ),
-        )
+        self._views = Views(self._battle.envs, self._options)
         spec = self._battle.envs.spec
         self._options |= spec.rewards  # those of the scenario, where the options have SMAC's defaults
         self.n_agents, self.n_enemies, self.n_actions = spec.n_agents, spec.n_enemies, spec.n_actions

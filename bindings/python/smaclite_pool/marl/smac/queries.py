@@ -92,7 +92,7 @@ class Queries:
 
     def get_state_size(self) -> int:
         """Number of features of the state."""
-        if self._views.options.instead_of_state:
+        if self._views.options["obs_instead_of_state"]:
             return self.n_agents * self.get_obs_size()
         return self._views.state_size(self.n_actions)
 

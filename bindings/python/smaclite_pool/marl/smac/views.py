@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,34 +15,20 @@ from ...errors import InvalidRequest
 
 # The squares of `obs_pathing_grid` and `obs_terrain_height`, relative to the unit and in SMAC's order: two
 # moves to the north, south, east, west, then one move along each diagonal. Heights also include the unit's.
-__all__ = ["ViewOptions", "Views"]
+__all__ = ["Views"]
 
 AROUND = np.array([(0, 4), (0, -4), (4, 0), (-4, 0), (2, 2), (-2, -2), (2, -2), (-2, 2), (0, 0)])
 N_PATHING, N_HEIGHT = 8, 9
 
 
-@dataclass(frozen=True)
-class ViewOptions:
-    """SMAC's observation and state options."""
-
-    all_health: bool = True
-    own_health: bool = True
-    last_action: bool = False
-    pathing_grid: bool = False
-    terrain_height: bool = False
-    timestep_number: bool = False
-    instead_of_state: bool = False
-    state_last_action: bool = True
-    state_timestep_number: bool = False
-
-
 class Views:
-    """Observations and state of one battle with these options."""
+    """Observations and state of one battle with these options, which have SMAC's names."""
 
-    def __init__(self, envs: Envs, options: ViewOptions) -> None:
+    def __init__(self, envs: Envs, options: Mapping[str, Any]) -> None:
         self.layout = ScenarioLayout(envs)
         self.units = UnitsView(self.layout)
         self.options = options
+        self._shows_own_health = options["obs_own_health"] or options["obs_all_health"]
         n_agents = self.layout.n_agents
         others = [[ally for ally in range(n_agents) if ally != agent] for agent in range(n_agents)]
         self._others = np.array(others, np.intp).reshape(n_agents, -1)
@@ -55,7 +42,7 @@ class Views:
 
         Raises InvalidRequest if the options need one.
         """
-        if limit is None and (self.options.timestep_number or self.options.state_timestep_number):
+        if limit is None and (self.options["obs_timestep_number"] or self.options["state_timestep_number"]):
             raise InvalidRequest(
                 "obs_timestep_number and state_timestep_number are fractions of the episode limit; set one"
             )
@@ -75,31 +62,31 @@ class Views:
 
     def enemy_features(self) -> tuple[int, int]:
         """Number of enemies in an observation, and number of features per enemy."""
-        return self.layout.n_enemies, len(self._kept(self.layout.obs.enemies, self.options.all_health))
+        return self.layout.n_enemies, len(self._kept(self.layout.obs.enemies, self.options["obs_all_health"]))
 
     def ally_features(self, n_actions: int) -> tuple[int, int]:
         """Number of allies in an observation, and number of features per ally."""
-        last_action = n_actions if self.options.last_action else 0
-        kept = self._kept(self.layout.obs.allies, self.options.all_health)
+        last_action = n_actions if self.options["obs_last_action"] else 0
+        kept = self._kept(self.layout.obs.allies, self.options["obs_all_health"])
         return self.layout.n_agents - 1, len(kept) + last_action
 
     def own_features(self) -> int:
         """Number of features of the agent itself in an observation."""
-        kept = self._kept(self.layout.obs.own, self.options.own_health)
-        return len(kept) + int(self.options.timestep_number)
+        kept = self._kept(self.layout.obs.own, self._shows_own_health)
+        return len(kept) + int(self.options["obs_timestep_number"])
 
     def move_features(self) -> int:
         """Number of features about moves and terrain in an observation."""
         options = self.options
-        moves = len(self.layout.obs.moves.features)
-        return moves + N_PATHING * options.pathing_grid + N_HEIGHT * options.terrain_height
+        terrain = N_PATHING * options["obs_pathing_grid"] + N_HEIGHT * options["obs_terrain_height"]
+        return len(self.layout.obs.moves.features) + int(terrain)
 
     def state_size(self, n_actions: int) -> int:
         """Number of features of the state, if it is not the observations."""
         allies, enemies = self.layout.state.allies, self.layout.state.enemies
         units = int(np.prod(allies.shape) + np.prod(enemies.shape))
-        actions = self.layout.n_agents * n_actions if self.options.state_last_action else 0
-        return units + actions + int(self.options.state_timestep_number)
+        actions = self.layout.n_agents * n_actions if self.options["state_last_action"] else 0
+        return units + actions + int(self.options["state_timestep_number"])
 
     @staticmethod
     def _kept(block: FeatureBlock, with_health: bool) -> list[int]:
@@ -118,24 +105,24 @@ class Views:
         layout, options, n_agents = self.layout.obs, self.options, self.layout.n_agents
         alive = self.units.health[:n_agents] > 0
         parts: list[NDArray[np.float32 | np.bool_]] = [layout.moves.view(self._obs)]
-        if options.pathing_grid:
+        if options["obs_pathing_grid"]:
             parts.append(self.walkable_around()[:, :N_PATHING] * alive[:, None])
-        if options.terrain_height:
+        if options["obs_terrain_height"]:
             parts.append(self.heights_around() * alive[:, None])
-        enemies = self._select(layout.enemies, options.all_health)
-        allies = self._select(layout.allies, options.all_health)
-        own = self._select(layout.own, options.own_health)
-        if options.last_action:
+        enemies = self._select(layout.enemies, options["obs_all_health"])
+        allies = self._select(layout.allies, options["obs_all_health"])
+        own = self._select(layout.own, self._shows_own_health)
+        if options["obs_last_action"]:
             visible = layout.allies.column(self._obs, "visible")
             allies = np.concatenate((allies, self.last_action[self._others] * visible[..., None]), axis=2)
         parts += [enemies.reshape(n_agents, -1), allies.reshape(n_agents, -1), own]
-        if options.timestep_number:
+        if options["obs_timestep_number"]:
             parts.append(np.full((n_agents, 1), self._timestep()))
         return np.concatenate(parts, axis=1, dtype=np.float32)
 
     def state(self) -> Floats:
         """float32 [S]: the state."""
-        if self.options.instead_of_state:
+        if self.options["obs_instead_of_state"]:
             return self.observations().reshape(-1)
         return np.concatenate([np.ravel(part) for part in self.state_dict().values()], dtype=np.float32)
 
@@ -144,9 +131,9 @@ class Views:
         layout = self.layout.state
         units = {"allies": layout.allies, "enemies": layout.enemies}
         parts = {name: block.view(self._state).copy() for name, block in units.items()}
-        if self.options.state_last_action:
+        if self.options["state_last_action"]:
             parts["last_action"] = self.last_action.copy()
-        if self.options.state_timestep_number:
+        if self.options["state_timestep_number"]:
             parts["timestep"] = np.array(self._timestep(), np.float32)
         return parts
 

@@ -78,7 +78,7 @@ class MultiAgentEnv:
         """Begin an episode; observations and state."""
         raise NotImplementedError
 
-    def render(self) -> Any:
+    def render(self, mode: str = "human") -> Any:
         """Show the battle."""
         raise NotImplementedError
 

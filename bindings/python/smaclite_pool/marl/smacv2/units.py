@@ -8,6 +8,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from ..._units import Position
+from ..smac.details import UNIT_TYPES
 
 __all__ = ["LEARNER_IDS", "Unit", "all_units", "type_id"]
 
@@ -17,11 +18,7 @@ _ENEMY_IDS = {
     "SPINE_CRAWLER": 98, "STALKER": 74, "ZEALOT": 73, "ZERGLING": 105,
 }  # fmt: skip
 
-_LEARNERS = (
-    "BANELING", "COLOSSUS", "HYDRALISK", "MARAUDER", "MARINE", "MEDIVAC", "STALKER", "ZEALOT", "ZERGLING",
-)  # fmt: skip
-
-LEARNER_IDS = {name: 2000 + place for place, name in enumerate(_LEARNERS)}
+LEARNER_IDS = {name: 2000 + place for place, name in enumerate(UNIT_TYPES)}
 """The numbers of the types of agents, in SMACv2's order; none is one of StarCraft II's own."""
 
 
