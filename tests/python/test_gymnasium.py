@@ -63,43 +63,6 @@ def test_an_id_has_one_interface() -> None:
     single.close()
 
 
-def test_a_window_shows_every_step_of_a_battle(monkeypatch: pytest.MonkeyPatch) -> None:
-    shown: list[Any] = []
-    monkeypatch.setattr(Window, "show", lambda _, picture: shown.append(picture))
-    env: Any = gymnasium.make("smaclite_pool/2s3z-v0", render_mode="human", render_speed=0.5)
-    assert env.unwrapped.metadata["render_modes"] == ["human", "rgb_array"]
-    states = [env.reset(seed=1)[0]["state"], env.step([1] * 5)[0]["state"]]
-    assert env.render() is None
-    renderer = sp.Renderer("2s3z", 640, 640)
-    assert len(shown) == 3 and all(map(np.array_equal, shown, map(renderer.render, [*states, states[1]])))
-    env.close()
-    plain = BattleEnv("2s3z")
-    plain.reset()
-    assert plain.render() is None
-    plain.close()
-    for make in (BattleEnv, make_vector):
-        with pytest.raises(sp.errors.InvalidRequest, match="render_mode must be None"):
-            make("2s3z", render_mode="ansi")
-        with pytest.raises(sp.errors.InvalidRequest, match="render_speed must be a number above 0"):
-            make("2s3z", render_mode="human", render_speed=0)
-
-
-def test_a_picture_shows_the_units_of_the_options() -> None:
-    """Those of the scenario were drawn, or the state had the wrong size for them."""
-    drawn: dict[str, Any] = {
-        "teams": {"distribution": "all_teams", "unit_types": ["MARINE", "MARAUDER", "MEDIVAC"]},
-        "start_positions": {"distribution": "reflect_position"},
-    }
-    env = BattleEnv("3m", seed=1, render_mode="rgb_array", **drawn)
-    state = env.reset()[0]["state"]
-    with sp.make("3m", 1, **drawn) as envs:
-        assert np.array_equal(env.render(), sp.Renderer(envs, *env.picture_size).render(state))
-    env.close()
-    for option in ({"render_mode": "ansi"}, {"render_speed": 0}):
-        with pytest.raises(sp.errors.InvalidRequest, match=f"{next(iter(option))} must be"):
-            BattleEnv("3m", **option)  # type: ignore[arg-type]
-
-
 def test_spaces_are_those_learners_expect() -> None:
     with closing(make_vector("MMM2", 2)) as envs:
         assert envs.single_action_space == gymnasium.spaces.MultiDiscrete([18] * 10)

@@ -16,7 +16,6 @@ pytest.importorskip("pettingzoo")
 
 import gymnasium
 from pettingzoo.test import api_test, parallel_api_test, parallel_seed_test, seed_test
-from smaclite_pool._render import Window
 from smaclite_pool.integrations import pettingzoo
 from smaclite_pool.integrations.pettingzoo import parallel_env
 
@@ -198,55 +197,6 @@ def test_the_aec_battle_is_the_parallel_one(env: parallel_env) -> None:
         if not env.agents:
             break
     aec.close()
-
-
-def test_the_render_mode_is_an_argument_of_every_constructor() -> None:
-    for constructor in (parallel_env, pettingzoo.raw_env, pettingzoo.env):
-        made: Any = constructor("2s3z", render_mode="rgb_array")
-        made.reset(seed=1)
-        picture = made.render()
-        assert picture.shape == (640, 640, 3) and picture.dtype == np.uint8 and len(np.unique(picture)) > 8
-        made.close()
-        with pytest.raises(sp.errors.InvalidRequest, match="render_mode"):
-            constructor("2s3z", render_mode="ansi")
-    plain = parallel_env("2s3z")
-    plain.reset()
-    assert plain.render() is None
-    plain.close()
-
-
-def test_a_picture_shows_the_units_of_the_options() -> None:
-    drawn: dict[str, Any] = {
-        "teams": {"distribution": "all_teams", "unit_types": ["MARINE", "MARAUDER", "MEDIVAC"]},
-        "start_positions": {"distribution": "reflect_position"},
-    }
-    env = parallel_env("3m", seed=1, render_mode="rgb_array", **drawn)
-    env.reset()
-    with sp.make("3m", 1, **drawn) as envs:
-        expected = sp.Renderer(envs, *env.picture_size).render(env.state())
-    picture = env.render()
-    assert picture is not None and np.array_equal(picture, expected)
-    env.close()
-
-
-def test_a_window_shows_every_step(monkeypatch: pytest.MonkeyPatch) -> None:
-    shown: list[Any] = []
-    monkeypatch.setattr(Window, "show", lambda _, picture: shown.append(picture))
-    for constructor in (parallel_env, pettingzoo.raw_env, pettingzoo.env):
-        shown.clear()
-        made: Any = constructor("2s3z", render_mode="human", render_speed=0.25)
-        made.reset(seed=1)
-        if constructor is parallel_env:
-            made.step(dict.fromkeys(made.agents, 1))
-        else:
-            for _ in range(5):  # a step of the battle, agent by agent
-                made.step(1)
-        assert made.render() is None
-        assert len(shown) == 3 and np.array_equal(shown[1], shown[2])
-        assert not np.array_equal(shown[0], shown[1])
-        made.close()
-        with pytest.raises(sp.errors.InvalidRequest, match="render_speed must be a number above 0"):
-            constructor("2s3z", render_speed=-1)
 
 
 @pytest.mark.parametrize(("scenario", "mirror"), [("3m", True), ("5m_vs_6m", False), ("MMM2", False)])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import json
 import sys
 import types
@@ -12,7 +13,7 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 from numpy.typing import NDArray
-from smaclite_pool._render import BattleViewer
+from smaclite_pool._render import BattleViewer, Window
 
 from conftest import Serve
 from play import duel
@@ -223,6 +224,70 @@ def test_a_pool_in_this_process_draws_its_custom_scenario(tmp_path: Path) -> Non
     with sp.make(path, 1) as envs:
         path.unlink()
         assert is_picture(envs.render(envs.reset(), 0), 512, 512)
+
+
+def battle_of(adapter: str, scenario: str, **options: Any) -> Any:
+    """An environment of one battle, as an integration makes it."""
+    if adapter == "gymnasium":
+        return pytest.importorskip("smaclite_pool.integrations.gymnasium").BattleEnv(scenario, **options)
+    if adapter == "rllib":
+        pytest.importorskip("ray.rllib")
+        module: Any = importlib.import_module("smaclite_pool.integrations.rllib")
+        return module.BattleMultiAgentEnv({"scenario": scenario, **options})
+    pytest.importorskip("pettingzoo")
+    return getattr(importlib.import_module("smaclite_pool.integrations.pettingzoo"), adapter)(
+        scenario, **options
+    )
+
+
+def all_stop(adapter: str, env: Any) -> None:
+    if adapter in ("raw_env", "env"):  # agent by agent
+        for _ in env.agents:
+            env.step(1)
+    else:
+        env.step([1] * 3 if adapter == "gymnasium" else dict.fromkeys(env.agents, 1))
+
+
+adapters = pytest.mark.parametrize("adapter", ["gymnasium", "parallel_env", "raw_env", "env", "rllib"])
+
+
+@adapters
+def test_an_environment_draws_the_units_of_its_options(adapter: str) -> None:
+    """Those of the scenario were drawn, or the state had the wrong size for them."""
+    drawn: dict[str, Any] = {
+        "teams": {"distribution": "all_teams", "unit_types": ["MARINE", "MARAUDER", "MEDIVAC"]},
+        "start_positions": {"distribution": "reflect_position"},
+    }
+    env = battle_of(adapter, "3m", seed=1, render_mode="rgb_array", **drawn)
+    env.reset(seed=1)
+    with sp.make("3m", 1, **drawn) as envs:
+        expected = sp.Renderer(envs, 640, 640).render(envs.reset(seed=1).state[0])
+    assert np.array_equal(env.render(), expected)
+    env.close()
+
+
+@adapters
+def test_a_window_shows_every_step_of_an_environment(adapter: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    shown: list[Picture] = []
+    monkeypatch.setattr(Window, "show", lambda _, picture: shown.append(picture))
+    env = battle_of(adapter, "3m", render_mode="human", render_speed=0.5)
+    assert env.metadata["render_modes"] == ["human", "rgb_array"]
+    env.reset(seed=1)
+    all_stop(adapter, env)
+    assert env.render() is None and len(shown) == 3
+    assert np.array_equal(shown[1], shown[2]) and not np.array_equal(shown[0], shown[1])
+    env.close()
+    plain = battle_of(adapter, "3m", render_mode=None)
+    plain.reset()
+    assert plain.render() is None and len(shown) == 3
+    plain.close()
+
+
+@adapters
+def test_an_environment_refuses_other_modes_and_speeds(adapter: str) -> None:
+    for option, value in {"render_mode": "ansi", "render_speed": 0}.items():
+        with pytest.raises(sp.errors.InvalidRequest, match=f"{option} must be"):
+            battle_of(adapter, "3m", **{option: value})
 
 
 class FakePygame(types.ModuleType):

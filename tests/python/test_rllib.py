@@ -18,7 +18,6 @@ pytest.importorskip("torch")
 import ray
 import smaclite_pool.integrations.rllib
 from ray.rllib.env.env_context import EnvContext
-from smaclite_pool._render import Window
 from smaclite_pool.integrations.rllib import BattleMultiAgentEnv
 
 
@@ -98,41 +97,6 @@ def test_a_policy_per_side_learns(runtime_dir: Path) -> None:
     finally:
         ray.shutdown()
     assert {"agent", "enemy"} <= set(learners)
-
-
-def test_pictures(env: BattleMultiAgentEnv) -> None:
-    with pytest.raises(sp.errors.InvalidRequest, match="reset"):
-        env.render()
-    env.reset(seed=5)
-    picture = env.render()
-    assert picture is not None and picture.shape == (640, 640, 3) and picture.dtype == np.uint8
-    env.step(dict.fromkeys(env.agents, 1))
-    later = env.render()
-    assert later is not None and not np.array_equal(picture, later)
-
-
-def test_a_picture_shows_the_units_of_the_options() -> None:
-    drawn: dict[str, Any] = {
-        "teams": {"distribution": "all_teams", "unit_types": ["MARINE", "MARAUDER", "MEDIVAC"]},
-        "start_positions": {"distribution": "reflect_position"},
-    }
-    env = BattleMultiAgentEnv({"scenario": "3m", **drawn})
-    env.reset(seed=1)
-    with sp.make("3m", 1, **drawn) as envs:
-        expected = sp.Renderer(envs, *env.picture_size).render(env._battle.last.state)
-    picture = env.render()
-    assert picture is not None and np.array_equal(picture, expected)
-    env.close()
-
-
-def test_a_window_shows_every_step(monkeypatch: pytest.MonkeyPatch) -> None:
-    shown: list[Any] = []
-    monkeypatch.setattr(Window, "show", lambda _, picture: shown.append(picture))
-    env = BattleMultiAgentEnv({"render_mode": "human", "render_speed": 0.5})
-    env.reset(seed=5)
-    env.step(dict.fromkeys(env.agents, 1))
-    assert env.render() is None and len(shown) == 3 and np.array_equal(shown[1], shown[2])
-    env.close()
 
 
 def test_invalid_calls_are_refused(env: BattleMultiAgentEnv) -> None:
