@@ -74,8 +74,10 @@ def test_a_vector_draws_every_environment() -> None:
     with closing(make_vector("2s3z", 1)) as plain:
         plain.reset()
         assert plain.render() is None
-    with pytest.raises(sp.errors.InvalidRequest, match="render_mode must be None"):
-        make_vector("2s3z", 1, render_mode="ansi")
+    wrong: list[dict[str, Any]] = [{"render_mode": "ansi"}, {"render_speed": 0}]
+    for option in wrong:
+        with pytest.raises(sp.errors.InvalidRequest, match=f"{next(iter(option))} must be"):
+            make_vector("2s3z", 1, **option)
     with pytest.raises(sp.errors.InvalidRequest, match="field `state`, which this lane omits"):
         make_vector("2s3z", 1, render_mode="rgb_array", fields=["obs"])
 

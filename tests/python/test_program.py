@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 
-from conftest import PROGRAM, Serve, posix, program, serves_other_processes
+from conftest import PROGRAM, Serve, handles, posix, program, serves_other_processes
 
 
 def test_the_program_runs_as_a_module_and_as_a_script() -> None:
@@ -88,13 +88,6 @@ def test_ctrl_c_ends_the_program_while_it_is_imported(tmp_path: Path) -> None:
     library = [sys.executable, "-c", "import smaclite_pool"]
     done = subprocess.run(library, env=environment, capture_output=True, text=True, check=False)
     assert "KeyboardInterrupt" in done.stderr
-
-
-def handles(pid: int, number: int) -> bool:
-    """Whether a process has a handler of a signal."""
-    status = Path(f"/proc/{pid}/status").read_text()
-    caught = next(line.split()[1] for line in status.splitlines() if line.startswith("SigCgt:"))
-    return bool(int(caught, 16) & 1 << number - 1)
 
 
 def test_an_interrupted_recording_is_written_and_has_the_status_of_its_signal(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import json
 import sys
 import types
@@ -232,12 +231,11 @@ def battle_of(adapter: str, scenario: str, **options: Any) -> Any:
         return pytest.importorskip("smaclite_pool.integrations.gymnasium").BattleEnv(scenario, **options)
     if adapter == "rllib":
         pytest.importorskip("ray.rllib")
-        module: Any = importlib.import_module("smaclite_pool.integrations.rllib")
-        return module.BattleMultiAgentEnv({"scenario": scenario, **options})
+        rllib = pytest.importorskip("smaclite_pool.integrations.rllib")
+        return rllib.BattleMultiAgentEnv({"scenario": scenario, **options})
     pytest.importorskip("pettingzoo")
-    return getattr(importlib.import_module("smaclite_pool.integrations.pettingzoo"), adapter)(
-        scenario, **options
-    )
+    pettingzoo = pytest.importorskip("smaclite_pool.integrations.pettingzoo")
+    return getattr(pettingzoo, adapter)(scenario, **options)
 
 
 def all_stop(adapter: str, env: Any) -> None:

@@ -9,53 +9,42 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 import smaclite_pool as sp
 
-from conftest import PROGRAM, Serve, linux, posix, run_script, stop
+from conftest import PROGRAM, Alarm, Serve, handles, linux, posix, run_script, stop
 
 
-class AlarmError(Exception):
-    """Raised by a signal handler."""
-
-
-def raise_alarm(*_: object) -> None:
-    raise AlarmError
-
-
-def test_an_interrupted_recorder_goes_on(serve: Serve) -> None:
+def test_an_interrupted_recorder_goes_on(serve: Serve, alarm: Callable[[float], object]) -> None:
     """`n_complete` hid that nothing was received."""
     server = serve("3m:1", "--name", "train")
     with sp.connect("train") as envs, sp.Recorder("train") as recorder:
         envs.reset(seed=1)
         stop(server)
-        previous = signal.signal(signal.SIGALRM, raise_alarm)
-        signal.setitimer(signal.ITIMER_REAL, 0.3)
-        with pytest.raises(AlarmError):
+        alarm(0.3)
+        with pytest.raises(Alarm):
             _ = recorder.n_complete
-        signal.signal(signal.SIGALRM, previous)
         server.send_signal(signal.SIGCONT)
         for _ in range(100):
             envs.step(envs.sample_actions())
         assert recorder.n_complete > 0
 
 
-def test_an_interrupted_connect_does_not_take_the_lane(serve: Serve) -> None:
+def test_an_interrupted_connect_does_not_take_the_lane(serve: Serve, alarm: Callable[[float], object]) -> None:
     """The pool granted it when it went on, and the next call said that this process had the lane."""
     server = serve("3m:1", "--name", "train")
-    previous = signal.signal(signal.SIGALRM, raise_alarm)
     for _ in range(5):
         stop(server)
-        signal.setitimer(signal.ITIMER_REAL, 0.2)
-        with pytest.raises(AlarmError):
+        alarm(0.2)
+        with pytest.raises(Alarm):
             sp.connect("train", timeout=30)
         server.send_signal(signal.SIGCONT)
         with sp.connect("train", timeout=5) as envs:
             envs.reset()
-    signal.signal(signal.SIGALRM, previous)
 
 
 @pytest.mark.parametrize("call", ["Recorder", "Spectator"])
@@ -118,13 +107,6 @@ print("done")
     assert (process.returncode, out) == (0, "done\n"), err
 
 
-def catches(pid: int, number: signal.Signals) -> bool:
-    """Whether a process has a handler of this signal."""
-    status = Path(f"/proc/{pid}/status").read_text()
-    caught = next(line.split()[1] for line in status.splitlines() if line.startswith("SigCgt"))
-    return bool(int(caught, 16) >> (number - 1) & 1)
-
-
 @pytest.mark.parametrize("command", ["record", "train"])
 def test_a_signal_ends_a_command_that_waits_for_a_stopped_pool(
     serve: Serve, command: str, tmp_path: Path
@@ -142,7 +124,7 @@ def test_a_signal_ends_a_command_that_waits_for_a_stopped_pool(
         stderr=subprocess.PIPE,
         text=True,
     )
-    while not catches(process.pid, signal.SIGTERM) and process.poll() is None:
+    while not handles(process.pid, signal.SIGTERM) and process.poll() is None:
         time.sleep(0.01)
     time.sleep(0.5)  # in which it begins to wait
     process.send_signal(signal.SIGTERM)

@@ -9,14 +9,15 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
 import numpy as np
 import pytest
 import smaclite_pool as sp
 
-from conftest import Serve, left_over, posix, run_script, stop
+from conftest import Alarm, Serve, left_over, posix, run_script, stop
+
+Ring = Callable[[float], object]
 
 
 @pytest.fixture
@@ -34,56 +35,37 @@ def test_a_timeout_does_not_cancel_the_batch(slow: sp.Envs) -> None:
     assert slow.recv(timeout=100).sequence == 2
 
 
-class Alarm(Exception):
-    """Raised by a signal handler."""
-
-
 @pytest.mark.parametrize("ids", [None, list(range(400))], ids=["all", "each"])
 @posix
-def test_a_reset_of_all_discards_a_batch_that_a_signal_kept(ids: list[int] | None) -> None:
+def test_a_reset_of_all_discards_a_batch_that_a_signal_kept(ids: list[int] | None, alarm: Ring) -> None:
     """In an asynchronous lane, `recv` returned it after `async_reset`, and one batch late all others."""
-
-    def ring(number: int, frame: FrameType | None) -> None:
-        raise Alarm
-
-    before = signal.signal(signal.SIGALRM, ring)
-    try:
-        with sp.make("bane_vs_bane", 400, batch_size=200, threads=1, max_held_batches=4) as envs:
-            batch = envs.reset(seed=1)
-            envs.recv()  # of the other half
-            actions = np.ones((200, envs.spec.n_agents), np.int32)  # stop
-            with pytest.raises(Alarm):
-                signal.setitimer(signal.ITIMER_REAL, 0.001)
-                envs.step(actions, batch.env_id)
-            envs.async_reset(seed=5, env_id=ids)
-            for _ in range(2):
-                assert envs.recv(timeout=60).was_reset.all()
-    finally:
-        signal.signal(signal.SIGALRM, before)
+    with sp.make("bane_vs_bane", 400, batch_size=200, threads=1, max_held_batches=4) as envs:
+        batch = envs.reset(seed=1)
+        envs.recv()  # of the other half
+        actions = np.ones((200, envs.spec.n_agents), np.int32)  # stop
+        with pytest.raises(Alarm):
+            alarm(0.001)
+            envs.step(actions, batch.env_id)
+        envs.async_reset(seed=5, env_id=ids)
+        for _ in range(2):
+            assert envs.recv(timeout=60).was_reset.all()
 
 
 @pytest.mark.parametrize("wait", ["adaptive", "block", "spin"])
 @posix
-def test_a_signal_handlers_exception_ends_an_embedded_wait(wait: str) -> None:
-    def ring(number: int, frame: FrameType | None) -> None:
-        raise Alarm
-
+def test_a_signal_handlers_exception_ends_an_embedded_wait(wait: str, alarm: Ring) -> None:
     settings: dict[str, Any] = {"threads": 1, "fields": [], "max_held_batches": 2, "wait": wait}
     with sp.make("bane_vs_bane", 40_000, **settings) as envs:
         envs.reset()
-        before = signal.signal(signal.SIGALRM, ring)
-        try:
-            envs.send(np.ones((40_000, envs.spec.n_agents), np.int32))
-            with pytest.raises(Alarm):
-                signal.setitimer(signal.ITIMER_REAL, 0.01)
-                envs.recv()
-            assert envs.recv(timeout=100).sequence == 2, "it was still being computed"
-            with pytest.raises(Alarm):
-                signal.setitimer(signal.ITIMER_REAL, 0.01)
-                envs.reset()
-            assert envs.recv(timeout=100).was_reset.all(), "so was this one"
-        finally:
-            signal.signal(signal.SIGALRM, before)
+        envs.send(np.ones((40_000, envs.spec.n_agents), np.int32))
+        with pytest.raises(Alarm):
+            alarm(0.01)
+            envs.recv()
+        assert envs.recv(timeout=100).sequence == 2, "it was still being computed"
+        with pytest.raises(Alarm):
+            alarm(0.01)
+            envs.reset()
+        assert envs.recv(timeout=100).was_reset.all(), "so was this one"
 
 
 def test_other_threads_run_during_a_wait_and_their_calls_raise_busy(slow: sp.Envs) -> None:
@@ -160,67 +142,54 @@ def test_an_attached_wait_ends(wait: str, how: str, serve: Serve) -> None:
             again.reset()
 
 
-class Interrupted(Exception):
-    """What the handler of a signal raises."""
-
-
-def interrupts(call: Callable[[], Any], seconds: float) -> bool:
+def interrupts(alarm: Ring, call: Callable[[], Any], seconds: float) -> bool:
     """Whether a signal so long after its begin comes before the call returns."""
     returned = False
     try:
-        signal.setitimer(signal.ITIMER_REAL, seconds)
+        alarm(seconds)
         call()
         returned = True
-        signal.setitimer(signal.ITIMER_REAL, 0)
-    except Interrupted:
+        alarm(0)
+    except Alarm:
         pass
     return not returned
 
 
 @posix
 @pytest.mark.parametrize("batch_size", [512, 128])
-def test_a_signal_takes_no_batch(batch_size: int) -> None:
+def test_a_signal_takes_no_batch(batch_size: int, alarm: Ring) -> None:
     """Its exception is raised when the wait has ended, with a batch that the next call returns."""
-
-    def interrupt(*_: Any) -> None:
-        raise Interrupted
-
-    before = signal.signal(signal.SIGALRM, interrupt)
-    try:
-        with sp.make("27m_vs_30m", 512, batch_size=batch_size, seed=1, threads=1) as envs:
-            actions = np.ones((512, 27), np.int32)
-            # On a machine that does much else, a batch may be there before this process runs again.
+    with sp.make("27m_vs_30m", 512, batch_size=batch_size, seed=1, threads=1) as envs:
+        actions = np.ones((512, 27), np.int32)
+        # On a machine that does much else, a batch may be there before this process runs again.
+        for _ in range(20):
+            envs.async_reset()
+            for _ in range(512 // batch_size):
+                envs.recv()
+            envs.send(actions)
+            is_interrupted = interrupts(alarm, envs.recv, 0.001)
+            done: set[int] = set()
+            for _ in range(512 // batch_size - (not is_interrupted)):
+                done.update(envs.recv(timeout=10).env_id.tolist())
+            if is_interrupted:
+                break
+        assert is_interrupted, "no signal came before a batch"
+        assert done == set(range(512))
+        if batch_size == 512:
+            # A step takes much longer, and its actions are sent long before that.
             for _ in range(20):
-                envs.async_reset()
-                for _ in range(512 // batch_size):
-                    envs.recv()
-                envs.send(actions)
-                is_interrupted = interrupts(envs.recv, 0.001)
-                done: set[int] = set()
-                for _ in range(512 // batch_size - (not is_interrupted)):
-                    done.update(envs.recv(timeout=10).env_id.tolist())
+                envs.reset()
+                is_interrupted = interrupts(alarm, lambda: envs.step(actions), 0.005)
                 if is_interrupted:
                     break
-            assert is_interrupted, "no signal came before a batch"
-            assert done == set(range(512))
-            if batch_size == 512:
-                # A step takes much longer, and its actions are sent long before that.
-                for _ in range(20):
-                    envs.reset()
-                    is_interrupted = interrupts(lambda: envs.step(actions), 0.005)
-                    if is_interrupted:
-                        break
-                assert is_interrupted, "no signal came before the end of a step"
-                # A learner that goes on with a step gets the batch of that step.
-                try:
-                    batch = envs.step(envs.sample_actions())
-                except sp.errors.InvalidRequest:  # the wait ended before the batch was there
-                    envs.recv(timeout=10)
-                    batch = envs.step(envs.sample_actions())
-                assert set(batch.episode_length.tolist()) == {2}
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
+            assert is_interrupted, "no signal came before the end of a step"
+            # A learner that goes on with a step gets the batch of that step.
+            try:
+                batch = envs.step(envs.sample_actions())
+            except sp.errors.InvalidRequest:  # the wait ended before the batch was there
+                envs.recv(timeout=10)
+                batch = envs.step(envs.sample_actions())
+            assert set(batch.episode_length.tolist()) == {2}
 
 
 STOPPED_CALLS = """

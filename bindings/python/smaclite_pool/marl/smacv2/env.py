@@ -151,10 +151,6 @@ class StarCraft2Env(EpisodeCounts, Queries):
         self.shield_bits_enemy = int(self._scenario["enemy_has_shields"])
         # Maps without a size have that of the presets.
         self.map_x, self.map_y = self._scenario.get("width", 32), self._scenario.get("height", 32)
-        self.reward_death_value, self.reward_win = options["reward_death_value"], options["reward_win"]
-        self.reward_defeat, self.reward_scale = options["reward_defeat"], options["reward_scale"]
-        self.reward_negative_scale = options["reward_negative_scale"]
-        self.reward_scale_rate = options["reward_scale_rate"]
 
     def reset(self, episode_config: Mapping[str, Any] | None = None) -> tuple[list[NDArray[Any]], Floats]:
         """Begin a new episode, and return `get_obs()` and `get_state()`.
