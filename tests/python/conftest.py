@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -168,6 +169,11 @@ def published_smacv2(folder: Path, name: str) -> Path:
     path = folder / f"{name}.json"
     path.write_text(json.dumps({**scenario, "smacv2": {"published": True}}))
     return path
+
+
+def each_case(by_error: dict[type[Exception], list[Any]]) -> list[tuple[Any, ...]]:
+    """Error, what raises it and its message, of all cases of a table of tuples by error."""
+    return [(error, *case) for error, cases in by_error.items() for case in cases]
 
 
 def run_script(text: str, *args: str) -> subprocess.CompletedProcess[str]:

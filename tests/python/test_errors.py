@@ -16,7 +16,7 @@ import smaclite_pool as sp
 from numpy.typing import NDArray
 from smaclite_pool.integrations.gymnasium import BattleEnv
 
-from conftest import REPOSITORY, run_script
+from conftest import REPOSITORY, each_case, run_script
 
 
 @pytest.fixture
@@ -56,194 +56,105 @@ def read_only() -> NDArray[np.int32]:
     return array
 
 
-@pytest.mark.parametrize(
-    ("call", "error", "match"),
-    [
-        (
-            lambda e: e.step(np.ones((2, 4), int)),
-            sp.errors.InvalidRequest,
-            r"actions must be .* shape \(2, 5\), got \(2, 4\)",
-        ),
-        (lambda e: e.step(np.ones(10, int)), sp.errors.InvalidRequest, r"shape \(2, 5\), got \(10,\)"),
-        (lambda e: e.step([]), sp.errors.InvalidRequest, r"got \(0,\)"),
-        (
-            lambda e: e.step([[1, 2], [3]]),
-            sp.errors.InvalidRequest,
-            "actions must be an array or nested lists: .*inhomogeneous",
-        ),
-        (
-            lambda e: e.step(None),
-            sp.errors.InvalidRequest,
-            r"actions must be .* shape \(2, 5\), got NoneType",
-        ),
-        (lambda e: e.step({}), sp.errors.InvalidRequest, r"actions must be .* shape \(2, 5\), got dict"),
-        (
-            lambda e: e.step([[1] * 5], env_id=3),
-            sp.errors.InvalidRequest,
-            r"env_id must be .* shape \(K,\), got \(\)",
-        ),
-        (
-            lambda e: e.step([], env_id=[]),
-            sp.errors.InvalidRequest,
-            "env_id must select at least one environment",
-        ),
-        (lambda e: e.step(np.ones((2, 5))), TypeError, "actions must be an integer array, got float64"),
-        (lambda e: e.step(np.ones((2, 5), bool)), TypeError, "actions must be an integer array, got bool"),
-        (lambda e: e.step([["a"] * 5] * 2), TypeError, "actions must be an integer array, got <U1"),
-        (
-            lambda e: e.step(np.full((2, 5), 2**40)),
-            sp.errors.InvalidRequest,
-            r"fit into int32, got 1099511627776 at index \[0, 0\]",
-        ),
-        (
-            lambda e: e.step(np.full((2, 5), 2**63, np.uint64)),
-            sp.errors.InvalidRequest,
-            "9223372036854775808 at index",
-        ),
-        (
-            lambda e: e.step([[1] * 5] * 2, env_id=[0, 2]),
-            sp.errors.InvalidRequest,
-            "environment 2 does not exist",
-        ),
-        (
-            lambda e: e.step([[1] * 5] * 2, env_id=[0, -1]),
-            sp.errors.InvalidRequest,
-            "environment -1 does not exist",
-        ),
-        (
-            lambda e: e.step([[1] * 5] * 2, env_id=[1, 1]),
-            sp.errors.InvalidRequest,
-            "environment 1 appears twice",
-        ),
-        (
-            lambda e: e.step([[1] * 5], env_id=[1]),
-            sp.errors.InvalidRequest,
-            "steps all 2 environments at once",
-        ),
-        (
-            lambda e: e.step([[1] * 5], env_id=[[1]]),
-            sp.errors.InvalidRequest,
-            r"env_id must be .*, got \(1, 1\)",
-        ),
-        (
-            lambda e: e.step([[1] * 5], env_id=[0.5]),
-            TypeError,
-            "env_id must be an integer array, got float64",
-        ),
-        (lambda e: e.recv(), sp.errors.InvalidRequest, "send actions first"),
-        (
-            lambda e: e.recv(timeout=-1),
-            sp.errors.InvalidRequest,
-            "timeout must be at least 0 seconds, or None, got -1.0",
-        ),
-        (lambda e: e.recv(timeout=-(10**400)), sp.errors.InvalidRequest, "timeout must be .*, got -inf"),
-        (lambda e: e.recv(timeout="1"), TypeError, "timeout must be a number of seconds or None, got str"),
-        (lambda e: e.recv(timeout=float("nan")), sp.errors.InvalidRequest, "timeout must be .*, got NaN"),
-        (lambda e: e.reset(seed=-1), sp.errors.InvalidRequest, "seed must not be negative, got -1"),
-        (
-            lambda e: e.reset(seed=2**64),
-            sp.errors.InvalidRequest,
-            "seed must be at most 18446744073709551615, got 184467",
-        ),
-        (
-            lambda e: e.reset(seed=2**200),
-            sp.errors.InvalidRequest,
-            "seed must be at most .*, got an integer of more than 127",
-        ),
-        (lambda e: e.reset(seed=-(2**200)), sp.errors.InvalidRequest, "seed must not be negative"),
-        (lambda e: e.reset(seed=1.5), TypeError, "or a list with one per environment, got float"),
-        (lambda e: e.seed_sampler(10**300), sp.errors.InvalidRequest, "seed must be at most"),
-        (
-            lambda e: e.reset(env_id=[True]),
-            sp.errors.InvalidRequest,
-            r"env_id must be a bool array of shape \(2,\), got \(1,\)",
-        ),
-        (lambda e: e.reset(env_id=[5]), sp.errors.InvalidRequest, "environment 5 does not exist"),
-        (
-            lambda e: e.reset(env_id=[], timeout=10),
-            sp.errors.InvalidRequest,
-            "env_id must select at least one environment",
-        ),
-        (
-            lambda e: e.reset(env_id=[False, False], timeout=10),
-            sp.errors.InvalidRequest,
-            "env_id must select at least one environment",
-        ),
-        (
-            lambda e: e.sample_actions(out=np.zeros((2, 5))),
-            TypeError,
-            r"int32 array .*, got float64 of shape \(2, 5\)",
-        ),
-        (lambda e: e.sample_actions(out=[[0] * 5] * 2), TypeError, r"out must be .*, got list"),
+WRONG_REQUESTS: dict[type[Exception], list[tuple[Call, str]]] = {
+    sp.errors.InvalidRequest: [
+        (lambda e: e.step(np.ones((2, 4), int)), r"actions must be .* shape \(2, 5\), got \(2, 4\)"),
+        (lambda e: e.step(np.ones(10, int)), r"shape \(2, 5\), got \(10,\)"),
+        (lambda e: e.step([]), r"got \(0,\)"),
+        (lambda e: e.step([[1, 2], [3]]), "actions must be an array or nested lists: .*inhomogeneous"),
+        (lambda e: e.step(None), r"actions must be .* shape \(2, 5\), got NoneType"),
+        (lambda e: e.step({}), r"actions must be .* shape \(2, 5\), got dict"),
+        (lambda e: e.step([[1] * 5], env_id=3), r"env_id must be .* shape \(K,\), got \(\)"),
+        (lambda e: e.step([], env_id=[]), "env_id must select at least one environment"),
+        (lambda e: e.step(np.full((2, 5), 2**40)), r"fit into int32, got 1099511627776 at index \[0, 0\]"),
+        (lambda e: e.step(np.full((2, 5), 2**63, np.uint64)), "9223372036854775808 at index"),
+        (lambda e: e.step([[1] * 5] * 2, env_id=[0, 2]), "environment 2 does not exist"),
+        (lambda e: e.step([[1] * 5] * 2, env_id=[0, -1]), "environment -1 does not exist"),
+        (lambda e: e.step([[1] * 5] * 2, env_id=[1, 1]), "environment 1 appears twice"),
+        (lambda e: e.step([[1] * 5], env_id=[1]), "steps all 2 environments at once"),
+        (lambda e: e.step([[1] * 5], env_id=[[1]]), r"env_id must be .*, got \(1, 1\)"),
+        (lambda e: e.recv(), "send actions first"),
+        (lambda e: e.recv(timeout=-1), "timeout must be at least 0 seconds, or None, got -1.0"),
+        (lambda e: e.recv(timeout=-(10**400)), "timeout must be .*, got -inf"),
+        (lambda e: e.recv(timeout=float("nan")), "timeout must be .*, got NaN"),
+        (lambda e: e.reset(seed=-1), "seed must not be negative, got -1"),
+        (lambda e: e.reset(seed=2**64), "seed must be at most 18446744073709551615, got 184467"),
+        (lambda e: e.reset(seed=2**200), "seed must be at most .*, got an integer of more than 127"),
+        (lambda e: e.reset(seed=-(2**200)), "seed must not be negative"),
+        (lambda e: e.seed_sampler(10**300), "seed must be at most"),
+        (lambda e: e.reset(env_id=[True]), r"env_id must be a bool array of shape \(2,\), got \(1,\)"),
+        (lambda e: e.reset(env_id=[5]), "environment 5 does not exist"),
+        (lambda e: e.reset(env_id=[], timeout=10), "env_id must select at least one environment"),
+        (lambda e: e.reset(env_id=[False, False], timeout=10), "env_id must select at least one environment"),
         (
             lambda e: e.sample_actions(out=np.zeros((1, 5), np.int32)),
-            sp.errors.InvalidRequest,
             r"out must be .* shape \(2, 5\), got int32 of shape \(1, 5\)",
         ),
-        (
-            lambda e: e.sample_actions(out=np.zeros((5, 2), np.int32).T),
-            sp.errors.InvalidRequest,
-            "got one that is not C-contiguous",
-        ),
-        (
-            lambda e: e.sample_actions(out=read_only()),
-            sp.errors.InvalidRequest,
-            "got one that is not writeable",
-        ),
-        (lambda e: e.sample_actions(env_id=[7]), sp.errors.InvalidRequest, "environment 7 does not exist"),
+        (lambda e: e.sample_actions(out=np.zeros((5, 2), np.int32).T), "got one that is not C-contiguous"),
+        (lambda e: e.sample_actions(out=read_only()), "got one that is not writeable"),
+        (lambda e: e.sample_actions(env_id=[7]), "environment 7 does not exist"),
     ],
-)
+    TypeError: [
+        (lambda e: e.step(np.ones((2, 5))), "actions must be an integer array, got float64"),
+        (lambda e: e.step(np.ones((2, 5), bool)), "actions must be an integer array, got bool"),
+        (lambda e: e.step([["a"] * 5] * 2), "actions must be an integer array, got <U1"),
+        (lambda e: e.step([[1] * 5], env_id=[0.5]), "env_id must be an integer array, got float64"),
+        (lambda e: e.recv(timeout="1"), "timeout must be a number of seconds or None, got str"),
+        (lambda e: e.reset(seed=1.5), "or a list with one per environment, got float"),
+        (lambda e: e.sample_actions(out=np.zeros((2, 5))), r"int32 array .*, got float64 of shape \(2, 5\)"),
+        (lambda e: e.sample_actions(out=[[0] * 5] * 2), r"out must be .*, got list"),
+    ],
+}
+
+
+@pytest.mark.parametrize(("error", "call", "match"), each_case(WRONG_REQUESTS))
 def test_a_wrong_request_says_what_is_accepted(
-    envs: sp.Envs, call: Call, error: type[Exception], match: str
+    envs: sp.Envs, error: type[Exception], call: Call, match: str
 ) -> None:
     with pytest.raises(error, match=match):
         call(envs)
     assert envs.step([[1] * 5] * 2).episode_length.tolist() == [1, 1], "and the next valid request works"
 
 
-@pytest.mark.parametrize(
-    ("settings", "error", "match"),
-    [
-        ({"scenario": "2s3"}, sp.errors.ScenarioError, "did you mean `2s3z`"),
-        ({"scenario": "./no/such.json"}, sp.errors.ScenarioError, "such.json"),
-        ({"num_envs": 0}, sp.errors.InvalidRequest, "environments must be between 1 and 1000000, got 0"),
-        ({"num_envs": -3}, sp.errors.InvalidRequest, "num_envs must not be negative, got -3"),
-        ({"num_envs": 2**127}, sp.errors.InvalidRequest, "num_envs must be at most"),
-        ({"num_envs": 64.0}, TypeError, "num_envs must be an integer, got float"),
-        ({"batch_size": 9}, sp.errors.InvalidRequest, "batch size must be between 1 and 2 .*, got 9"),
-        ({"threads": 0}, sp.errors.InvalidRequest, "threads must be between 1 and 1024, got 0"),
-        ({"autoreset_mode": "never"}, sp.errors.InvalidRequest, "got `never`"),
-        ({"rules": "mine"}, sp.errors.InvalidRequest, "mine"),
-        ({"wait": "sleep"}, sp.errors.InvalidRequest, "got `sleep`"),
-        ({"fields": ["obz"]}, sp.errors.InvalidRequest, "unknown field `obz`; the fields are env_id"),
-        ({"fields": "obs"}, TypeError, r"fields must be a list of strings, such as \[\"obs\"\], got str"),
-        (
-            {"episode_limit": 0},
-            sp.errors.InvalidRequest,
-            'an integer of at least 1, None or "default", got 0',
-        ),
-        ({"episode_limit": 1.5}, TypeError, "episode_limit must be an integer .*, got float"),
-        ({"episode_limit": "none"}, sp.errors.InvalidRequest, "got `none`"),
-        ({"episode_limit": 2**40}, sp.errors.InvalidRequest, "at most 4294967295"),
-        (
-            {"obs_last_actions": 17},
-            sp.errors.InvalidRequest,
-            "obs_last_actions must be between 0 and 16, got 17",
-        ),
-        ({"obs_last_actions": 1.0}, TypeError, "obs_last_actions must be an integer, got float"),
-        # PyO3 names the argument in a note, which exceptions have since Python 3.11.
-        ({"obs_agent_id": 1}, TypeError, "obs_agent_id" if sys.version_info >= (3, 11) else "bool"),
-        ({"max_held_batches": 1}, sp.errors.InvalidRequest, "between 2 and 1024, got 1"),
-        ({"name": "a/b"}, sp.errors.InvalidRequest, "cannot be a name"),
-        ({"seed": -1}, sp.errors.InvalidRequest, "seed must not be negative"),
-        (
-            {"scenario": "27m_vs_30m", "num_envs": 1_000_000, "max_held_batches": 1000},
-            sp.errors.TooLittleMemory,
-            "bytes",
-        ),
+WRONG_SETTINGS: dict[type[Exception], list[tuple[dict[str, Any], str]]] = {
+    sp.errors.ScenarioError: [
+        ({"scenario": "2s3"}, "did you mean `2s3z`"),
+        ({"scenario": "./no/such.json"}, "such.json"),
     ],
-)
-def test_a_wrong_setting_starts_nothing(settings: dict[str, Any], error: type[Exception], match: str) -> None:
+    sp.errors.InvalidRequest: [
+        ({"num_envs": 0}, "environments must be between 1 and 1000000, got 0"),
+        ({"num_envs": -3}, "num_envs must not be negative, got -3"),
+        ({"num_envs": 2**127}, "num_envs must be at most"),
+        ({"batch_size": 9}, "batch size must be between 1 and 2 .*, got 9"),
+        ({"threads": 0}, "threads must be between 1 and 1024, got 0"),
+        ({"autoreset_mode": "never"}, "got `never`"),
+        ({"rules": "mine"}, "mine"),
+        ({"wait": "sleep"}, "got `sleep`"),
+        ({"fields": ["obz"]}, "unknown field `obz`; the fields are env_id"),
+        ({"episode_limit": 0}, 'an integer of at least 1, None or "default", got 0'),
+        ({"episode_limit": "none"}, "got `none`"),
+        ({"episode_limit": 2**40}, "at most 4294967295"),
+        ({"obs_last_actions": 17}, "obs_last_actions must be between 0 and 16, got 17"),
+        ({"max_held_batches": 1}, "between 2 and 1024, got 1"),
+        ({"name": "a/b"}, "cannot be a name"),
+        ({"seed": -1}, "seed must not be negative"),
+    ],
+    TypeError: [
+        ({"num_envs": 64.0}, "num_envs must be an integer, got float"),
+        ({"fields": "obs"}, r"fields must be a list of strings, such as \[\"obs\"\], got str"),
+        ({"episode_limit": 1.5}, "episode_limit must be an integer .*, got float"),
+        ({"obs_last_actions": 1.0}, "obs_last_actions must be an integer, got float"),
+        # PyO3 names the argument in a note, which exceptions have since Python 3.11.
+        ({"obs_agent_id": 1}, "obs_agent_id" if sys.version_info >= (3, 11) else "bool"),
+    ],
+    sp.errors.TooLittleMemory: [
+        ({"scenario": "27m_vs_30m", "num_envs": 1_000_000, "max_held_batches": 1000}, "bytes"),
+    ],
+}
+
+
+@pytest.mark.parametrize(("error", "settings", "match"), each_case(WRONG_SETTINGS))
+def test_a_wrong_setting_starts_nothing(error: type[Exception], settings: dict[str, Any], match: str) -> None:
     with pytest.raises(error, match=match):
         sp.make(**{"scenario": "2s3z", "num_envs": 2, **settings})
     assert sp.pools() == []

@@ -34,7 +34,9 @@ def test_an_interrupted_recorder_goes_on(serve: Serve, alarm: Callable[[float], 
         assert recorder.n_complete > 0
 
 
-def test_an_interrupted_connect_does_not_take_the_lane(serve: Serve, alarm: Callable[[float], object]) -> None:
+def test_an_interrupted_connect_does_not_take_the_lane(
+    serve: Serve, alarm: Callable[[float], object]
+) -> None:
     """The pool granted it when it went on, and the next call said that this process had the lane."""
     server = serve("3m:1", "--name", "train")
     for _ in range(5):
