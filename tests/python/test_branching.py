@@ -15,7 +15,7 @@ import smaclite_pool.integrations.gymnasium  # registers its ids
 from numpy.typing import NDArray
 from smaclite_pool.integrations.pettingzoo import parallel_env
 
-from conftest import Serve
+from conftest import Serve, each_case
 from test_recorder import episodes
 
 FIELDS = ["obs", "state", "avail_actions", "alive", "episode_return", "episode_length", "snapshot"]
@@ -264,43 +264,33 @@ def test_wrong_arguments_name_what_is_accepted() -> None:
     with sp.make("3m", 2, seed=0, fields=FIELDS) as envs, sp.make("3m", 2) as plain:
         snapshots = envs.reset(seed=1).snapshot
         plain.reset()
-        cases: list[tuple[type[Exception], str, Any]] = [
-            (sp.errors.InvalidRequest, "name the field `snapshot`", lambda: plain.reset(snapshots=snapshots)),
-            (
-                sp.errors.InvalidRequest,
-                "environment 0 cannot be restored",
-                lambda: envs.reset(snapshots=snapshots * 0),
-            ),
-            (sp.errors.InvalidRequest, "take 2 snapshots of", lambda: envs.reset(snapshots=snapshots[:1])),
-            # As many bytes, which were once read as rows of other bytes.
-            (
-                sp.errors.InvalidRequest,
-                r"uint8 array of shape \(2, \d+\), got \(\d+, 2\)",
-                lambda: envs.reset(snapshots=snapshots.T),
-            ),
-            (
-                sp.errors.InvalidRequest,
-                "uint8 array of shape",
-                lambda: envs.reset(snapshots=snapshots.reshape(-1)),
-            ),
-            (TypeError, "must be a uint8 array", lambda: envs.reset(snapshots=np.zeros((2, 4)))),
-            (sp.errors.InvalidRequest, "environment 5 does not exist", lambda: envs.fork([5], [0])),
-            (sp.errors.InvalidRequest, "appears twice", lambda: envs.fork([0, 1], [1, 1])),
-            (sp.errors.InvalidRequest, "got 2 and 1", lambda: envs.fork([0, 1], [1])),
-            (TypeError, "or a list with one per environment, got str", lambda: envs.fork([0], [1], seed="3")),
-            (
-                sp.errors.InvalidRequest,
-                "one per environment of the request, 2; got 3",
-                lambda: envs.reset(seed=[1, 2, 3], snapshots=snapshots),
-            ),
-            (
-                sp.errors.InvalidRequest,
-                "levels and snapshots cannot be combined",
-                lambda: envs.reset(levels=np.zeros((2, 6, 5), np.float32), snapshots=snapshots),
-            ),
-            (sp.errors.InvalidRequest, "at least one environment", lambda: envs.fork([], [])),
-        ]
-        for error, text, call in cases:
+        cases: dict[type[Exception], list[tuple[str, Any]]] = {
+            sp.errors.InvalidRequest: [
+                ("name the field `snapshot`", lambda: plain.reset(snapshots=snapshots)),
+                ("environment 0 cannot be restored", lambda: envs.reset(snapshots=snapshots * 0)),
+                ("take 2 snapshots of", lambda: envs.reset(snapshots=snapshots[:1])),
+                # As many bytes, which were once read as rows of other bytes.
+                (r"of shape \(2, \d+\), got \(\d+, 2\)", lambda: envs.reset(snapshots=snapshots.T)),
+                ("uint8 array of shape", lambda: envs.reset(snapshots=snapshots.reshape(-1))),
+                ("environment 5 does not exist", lambda: envs.fork([5], [0])),
+                ("appears twice", lambda: envs.fork([0, 1], [1, 1])),
+                ("got 2 and 1", lambda: envs.fork([0, 1], [1])),
+                ("at least one environment", lambda: envs.fork([], [])),
+                (
+                    "one per environment of the request, 2; got 3",
+                    lambda: envs.reset(seed=[1, 2, 3], snapshots=snapshots),
+                ),
+                (
+                    "levels and snapshots cannot be combined",
+                    lambda: envs.reset(levels=np.zeros((2, 6, 5), np.float32), snapshots=snapshots),
+                ),
+            ],
+            TypeError: [
+                ("must be a uint8 array", lambda: envs.reset(snapshots=np.zeros((2, 4)))),
+                ("or a list with one per environment, got str", lambda: envs.fork([0], [1], seed="3")),
+            ],
+        }
+        for error, text, call in each_case(cases):
             with pytest.raises(error, match=text):
                 call()
             assert envs.step(envs.sample_actions()).episode_length[0] > 0, "the lane goes on"
@@ -424,19 +414,6 @@ def test_the_greatest_episode_length_stays() -> None:
         batch = envs.step(np.ones((1, 3), int))
         assert batch.episode_length.tolist() == [2**31 - 1]
         envs.reset(snapshots=batch.snapshot.copy())
-
-
-def test_a_battle_that_is_restored_at_its_end_has_ended() -> None:
-    """All agents were alive, and the next step was an error."""
-    env = parallel_env("3m", episode_limit=2)
-    env.reset(seed=1)
-    for _ in range(2):
-        env.step(dict.fromkeys(env.agents, 1))
-    env.restore(env.save())
-    assert env.agents == []
-    with pytest.raises(sp.errors.InvalidRequest, match="the battle has ended"):
-        env.step({})
-    env.close()
 
 
 @pytest.mark.parametrize("served", [False, True])

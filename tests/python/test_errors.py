@@ -47,7 +47,7 @@ def test_an_illegal_action_names_environment_agent_and_available_actions(envs: s
     assert envs.step(actions).episode_length.tolist() == [1, 1], "no environment was stepped before"
 
 
-Call = Callable[[sp.Envs], Any]
+Call = Callable[[Any], Any]
 
 
 def read_only() -> NDArray[np.int32]:

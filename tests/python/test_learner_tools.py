@@ -18,7 +18,7 @@ import smaclite_pool as sp
 from numpy.typing import ArrayLike, NDArray
 from smaclite_pool._native import FIRST_TARGET, NO_OP, NORTH, STOP
 
-from conftest import replayed
+from conftest import each_case, replayed
 from play import duel
 
 
@@ -472,37 +472,36 @@ def test_mistakes_in_a_call_of_evaluate_say_what_is_meant() -> None:
     with sp.make("3m", 2) as envs, sp.make("3m", 2, sides="both") as both:
         policy = sp.ScriptedPolicy("nearest", envs)
         assert len(evaluate(envs, "nearest", 2, seed=1)) == 2
-        with pytest.raises(
-            TypeError, match=r"the environments come first: evaluate\(envs, policy, episodes\)"
-        ):
-            evaluate(policy, envs, 2)
-        with pytest.raises(
-            TypeError, match="unexpected keyword argument 'n_episodes'; did you mean 'episodes'?"
-        ):
-            evaluate(envs, policy, n_episodes=2)
-        with pytest.raises(TypeError, match="policy must be a function from a batch .* got int"):
-            evaluate(envs, 3, 2)
-        with pytest.raises(
-            sp.errors.InvalidRequest, match="unknown policy `neares`; .*did you mean `nearest`"
-        ):
-            evaluate(envs, "neares", 2)
-        with pytest.raises(
-            sp.errors.InvalidRequest, match=r"against needs environments .* make\(..., sides=\"both\"\)"
-        ):
-            evaluate(envs, policy, 2, against=policy)
+        of_enemies, allies = sp.load_team("3m", side="enemies"), sp.ScriptedPolicy("nearest", both)
+        cases: dict[type[Exception], list[tuple[str, Any]]] = {
+            TypeError: [
+                (r"the environments come first: evaluate\(envs, policy", lambda: evaluate(policy, envs, 2)),
+                ("'n_episodes'; did you mean 'episodes'?", lambda: evaluate(envs, policy, n_episodes=2)),
+                ("policy must be a function from a batch .* got int", lambda: evaluate(envs, 3, 2)),
+            ],
+            sp.errors.InvalidRequest: [
+                ("unknown policy `neares`; .*did you mean `nearest`", lambda: evaluate(envs, "neares", 2)),
+                (
+                    r"against needs environments .* make\(..., sides=\"both\"\)",
+                    lambda: evaluate(envs, policy, 2, against=policy),
+                ),
+                (
+                    r'against must be a ScriptedPolicy\(..., side="enemies"\)',
+                    lambda: evaluate(both, policy, 2, against=allies),
+                ),
+                ('policy must be a team .* side="enemies"', lambda: evaluate(envs, of_enemies, 2)),
+                (
+                    r'side must be `allies` .* make\(..., sides="both"\)',
+                    lambda: sp.ScriptedPolicy("kite", envs, side="enemies"),
+                ),
+            ],
+        }
+        for error, match, call in each_case(cases):
+            with pytest.raises(error, match=match):
+                call()
         for alone in (policy, "nearest", lambda batch: np.ones((2, 3), int)):
             with pytest.raises(sp.errors.InvalidRequest, match=r"pass the policy of the enemies as against="):
                 evaluate(both, alone, 2)
-        with pytest.raises(
-            sp.errors.InvalidRequest, match=r'against must be a ScriptedPolicy\(..., side="enemies"\)'
-        ):
-            evaluate(both, policy, 2, against=sp.ScriptedPolicy("nearest", both))
-        with pytest.raises(sp.errors.InvalidRequest, match='policy must be a team .* side="enemies"'):
-            evaluate(envs, sp.load_team("3m", side="enemies"), 2)
-        with pytest.raises(
-            sp.errors.InvalidRequest, match=r'side must be `allies` .* make\(..., sides="both"\)'
-        ):
-            sp.ScriptedPolicy("kite", envs, side="enemies")
     assert list(inspect.signature(evaluate).parameters) == ["envs", "policy", "episodes", "seed", "against"]
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 import types
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ import smaclite_pool as sp
 from numpy.typing import NDArray
 from smaclite_pool._render import BattleViewer, Window
 
-from conftest import Serve
+from conftest import Serve, each_case
 from play import duel
 
 Picture = NDArray[np.uint8]
@@ -124,41 +125,34 @@ def test_without_a_batch_the_newest_one_is_drawn() -> None:
         assert np.array_equal(envs.render(env_id=1, renderer=renderer), drawn)
 
 
-def test_errors_say_what_is_accepted() -> None:
-    with pytest.raises(sp.errors.InvalidRequest, match=r"between 16 and 4096 pixels, got 15 x 512"):
-        sp.Renderer("2s3z", 15)
-    with pytest.raises(sp.errors.InvalidRequest, match="height must not be negative, got -1"):
-        sp.Renderer("2s3z", height=-1)
-    with pytest.raises(TypeError, match="width must be an integer, got str"):
-        sp.Renderer("2s3z", "512")  # type: ignore[arg-type]
-    with pytest.raises(sp.errors.InvalidRequest, match='theme must be "dark" or "light", got `blue`'):
-        sp.Renderer("2s3z", theme="blue")  # type: ignore[arg-type]
-    with pytest.raises(sp.errors.ScenarioError, match="no_such"):
-        sp.Renderer("no_such")
+WRONG: dict[type[Exception], list[tuple[Callable[[Any, Any], object], str]]] = {
+    sp.errors.InvalidRequest: [
+        (lambda r, s: sp.Renderer("2s3z", 15), "between 16 and 4096 pixels, got 15 x 512"),
+        (lambda r, s: sp.Renderer("2s3z", height=-1), "height must not be negative, got -1"),
+        (lambda r, s: sp.Renderer("2s3z", theme="blue"), 'must be "dark" or "light", got `blue`'),  # type: ignore[arg-type]
+        (lambda r, s: r.render(s[0, :3]), r"state must be a float32 array of shape \(\d+,\), got \(3,\)"),
+        (lambda r, s: r.sheet(s[0]), r"states must be .* of shape \(K, (\d+)\), got \(\1,\)"),
+        (lambda r, s: r.sheet(s[:0]), "states must have at least one row, got none"),
+        (lambda r, s: r.sheet(s, [1, 2, 3]), "env_id must have one number per row of states, 2, got 3"),
+        (lambda r, s: r.sheet(s, columns=0), "columns must be at least 1, or None, got 0"),
+        (
+            lambda r, s: r.sheet(np.broadcast_to(s[0], (300_000, s.shape[1]))),
+            "a sheet of 300000 pictures is too large.*16384",
+        ),
+    ],
+    TypeError: [
+        (lambda r, s: sp.Renderer("2s3z", "512"), "width must be an integer, got str"),  # type: ignore[arg-type]
+        (lambda r, s: r.render(s[0].astype(np.int64)), "state must be a float32 array, got int64"),
+    ],
+    sp.errors.ScenarioError: [(lambda r, s: sp.Renderer("no_such"), "no_such")],
+}
+
+
+@pytest.mark.parametrize(("error", "call", "match"), each_case(WRONG))
+def test_errors_say_what_is_accepted(error: type[Exception], call: Any, match: str) -> None:
     renderer = sp.Renderer("2s3z", 64, 64)
-    n = renderer.state_size
-    with pytest.raises(
-        sp.errors.InvalidRequest, match=rf"state must be a float32 array of shape \({n},\), got"
-    ):
-        renderer.render(np.zeros(3, np.float32))
-    with pytest.raises(TypeError, match="state must be a float32 array, got int64"):
-        renderer.render(np.zeros(n, np.int64))
-    with pytest.raises(
-        sp.errors.InvalidRequest, match=rf"states must be .* of shape \(K, {n}\), got \({n},\)"
-    ):
-        renderer.sheet(np.zeros(n, np.float32))
-    states = np.zeros((2, n), np.float32)
-    with pytest.raises(sp.errors.InvalidRequest, match="states must have at least one row, got none"):
-        renderer.sheet(states[:0])
-    with pytest.raises(
-        sp.errors.InvalidRequest, match="env_id must have one number per row of states, 2, got 3"
-    ):
-        renderer.sheet(states, [1, 2, 3])
-    with pytest.raises(sp.errors.InvalidRequest, match="columns must be at least 1, or None, got 0"):
-        renderer.sheet(states, columns=0)
-    many = np.broadcast_to(states[0], (300_000, n))
-    with pytest.raises(sp.errors.InvalidRequest, match="a sheet of 300000 pictures is too large.*16384"):
-        renderer.sheet(many)
+    with pytest.raises(error, match=match):
+        call(renderer, np.zeros((2, renderer.state_size), np.float32))
 
 
 def test_a_pool_draws_the_environments_of_a_batch() -> None:
