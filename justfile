@@ -57,8 +57,8 @@ test-integration name *args:
 test-learners *args: install
     @# Most of its files are never read, and compiling all takes a minute.
     {{ python }} -m pip install --quiet --no-compile torch safetensors
-    {{ python }} -m pytest tests/python/test_torch_learners.py tests/python/test_torch.py tests/python/test_epymarl.py \
-        tests/python/test_dataset.py {{ in_processes }} {{ args }}
+    {{ python }} -m pytest tests/python/test_torch_learners.py tests/python/test_torch.py tests/python/test_frameworks.py \
+        tests/python/test_epymarl.py tests/python/test_dataset.py {{ in_processes }} {{ args }}
 
 # Test the pages of replays, running pools, the scenario editor, `play` and the playground in a browser (Debian: chromium)
 test-page *args: install _playground

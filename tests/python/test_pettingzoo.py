@@ -82,21 +82,6 @@ def test_the_dead_stay_listed_with_the_no_op_alone(env: parallel_env) -> None:
     assert died > 0, "no agent died, so nothing was tested"
 
 
-def test_the_battle_is_the_pools(env: parallel_env) -> None:
-    with sp.make("2s3z", 1, autoreset_mode="Disabled") as envs:
-        seen, _ = env.reset(seed=5)
-        batch = envs.reset(seed=5)
-        for _ in range(40):
-            assert np.array_equal(env.state(), batch.state[0])
-            assert all(np.array_equal(s["observation"], batch.obs[0, i]) for i, s in enumerate(seen.values()))
-            actions = envs.sample_actions()
-            seen, rewards, *_ = env.step(dict(zip(env.agents, actions[0].tolist(), strict=True)))
-            batch = envs.step(actions)
-            assert rewards["agent_2"] == batch.reward[0]
-            if batch.terminated[0]:
-                break
-
-
 def test_a_seed_gives_the_same_battle_again(env: parallel_env) -> None:
     first = play(env, 7)
     assert play(env, 7) == first != play(env, 8)
@@ -209,26 +194,6 @@ def test_pettingzoo_accepts_both_teams(scenario: str, mirror: bool) -> None:
     made = pettingzoo.env(scenario, sides="both", mirror=mirror, seed=3)
     api_test(made, num_cycles=200)
     made.close()
-
-
-def test_each_team_has_the_rows_and_the_reward_of_its_side() -> None:
-    env = parallel_env("5m_vs_6m", sides="both")
-    with sp.make("5m_vs_6m", 1, autoreset_mode="Disabled", sides="both") as envs:
-        seen, _ = env.reset(seed=5)
-        batch = envs.reset(seed=5)
-        assert env.agents == [f"agent_{i}" for i in range(5)] + [f"enemy_{i}" for i in range(6)]
-        players = [sp.ScriptedPolicy("nearest", envs), sp.ScriptedPolicy("nearest", envs, side="enemies")]
-        earned = {"agent_0": 0.0, "enemy_5": 0.0}
-        while not batch.terminated[0]:
-            rows = [seen[f"enemy_{i}"]["observation"] for i in range(6)]
-            assert np.array_equal(rows, batch.enemy_obs[0])
-            actions = np.concatenate([player(batch) for player in players], axis=1)
-            seen, rewards, *_ = env.step(dict(zip(env.possible_agents, actions[0].tolist(), strict=True)))
-            batch = envs.step(actions)
-            assert rewards["agent_3"] == batch.reward[0] and rewards["enemy_3"] == batch.enemy_reward[0]
-            earned = {agent: total + rewards[agent] for agent, total in earned.items()}
-    env.close()
-    assert min(earned.values()) > 0
 
 
 def test_a_plain_observation_has_its_mask_in_the_info(env: parallel_env) -> None:

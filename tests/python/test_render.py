@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from smaclite_pool._render import BattleViewer, Window
 
 from conftest import Serve, each_case
-from play import duel
+from play import battle_of, duel
 
 Picture = NDArray[np.uint8]
 
@@ -217,19 +217,6 @@ def test_a_pool_in_this_process_draws_its_custom_scenario(tmp_path: Path) -> Non
     with sp.make(path, 1) as envs:
         path.unlink()
         assert is_picture(envs.render(envs.reset(), 0), 512, 512)
-
-
-def battle_of(adapter: str, scenario: str, **options: Any) -> Any:
-    """An environment of one battle, as an integration makes it."""
-    if adapter == "gymnasium":
-        return pytest.importorskip("smaclite_pool.integrations.gymnasium").BattleEnv(scenario, **options)
-    if adapter == "rllib":
-        pytest.importorskip("ray.rllib")
-        rllib = pytest.importorskip("smaclite_pool.integrations.rllib")
-        return rllib.BattleMultiAgentEnv({"scenario": scenario, **options})
-    pytest.importorskip("pettingzoo")
-    pettingzoo = pytest.importorskip("smaclite_pool.integrations.pettingzoo")
-    return getattr(pettingzoo, adapter)(scenario, **options)
 
 
 def all_stop(adapter: str, env: Any) -> None:

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 import smaclite_pool as sp
 
@@ -28,66 +27,33 @@ def env() -> Iterator[BattleMultiAgentEnv]:
     made.close()
 
 
-def test_a_battle_is_the_pools(env: BattleMultiAgentEnv) -> None:
-    with sp.make("2s3z", 1, autoreset_mode="Disabled") as envs:
-        seen, infos = env.reset(seed=5)
-        batch = envs.reset(seed=5)
-        for _ in range(150):
-            assert list(seen) == list(infos) == env.possible_agents == env.agents
-            for agent, (name, observation) in enumerate(seen.items()):
-                assert env.get_observation_space(name).contains(observation)
-                assert np.array_equal(observation["observations"], batch.obs[0, agent])
-                assert np.array_equal(observation["action_mask"], batch.avail_actions[0, agent])
-            actions = envs.sample_actions()
-            by_name = dict(zip(seen, actions[0], strict=True))
-            assert all(env.get_action_space(name).contains(action) for name, action in by_name.items())
-            seen, rewards, terminateds, truncateds, infos = env.step(by_name)
-            batch = envs.step(actions)
-            assert set(rewards.values()) == {batch.reward[0].item()}
-            assert set(terminateds.values()) == {batch.terminated[0].item()} and "__all__" in terminateds
-            if terminateds["__all__"] or truncateds["__all__"]:
-                break
-        assert terminateds["__all__"] or truncateds["__all__"], "the end was not seen"
-        assert infos["agent_1"]["dead_allies"] == batch.dead_allies[0]
-
-
-def test_both_teams_are_the_pools() -> None:
-    env = BattleMultiAgentEnv({"scenario": "5m_vs_6m", "sides": "both"})
-    with sp.make("5m_vs_6m", 1, autoreset_mode="Disabled", sides="both") as envs:
-        seen, _ = env.reset(seed=5)
-        batch = envs.reset(seed=5)
-        assert env.agents == [f"agent_{i}" for i in range(5)] + [f"enemy_{i}" for i in range(6)]
-        while not (batch.terminated[0] or batch.truncated[0]):
-            rows = [seen[f"enemy_{enemy}"]["observations"] for enemy in range(6)]
-            assert np.array_equal(rows, batch.enemy_obs[0])
-            assert all(env.get_observation_space(name).contains(row) for name, row in seen.items())
-            actions = envs.sample_actions()
-            seen, rewards, *_ = env.step(dict(zip(env.agents, actions[0], strict=True)))
-            batch = envs.step(actions)
-            assert rewards["agent_4"] == batch.reward[0] and rewards["enemy_5"] == batch.enemy_reward[0]
-    env.close()
-
-
-def test_a_policy_per_side_learns(runtime_dir: Path) -> None:
+def configured(policies: list[str], settings: dict[str, Any]) -> Any:
+    """PPO of these policies, each of which plays the agents whose names begin with its own."""
     from ray.rllib.algorithms.ppo import PPOConfig
     from ray.rllib.core.rl_module.multi_rl_module import MultiRLModuleSpec
     from ray.rllib.core.rl_module.rl_module import RLModuleSpec
     from ray.rllib.examples.rl_modules.classes.action_masking_rlm import ActionMaskingTorchRLModule
 
     model = {"head_fcnet_hiddens": [16]}
-    sides = {
-        side: RLModuleSpec(module_class=ActionMaskingTorchRLModule, model_config=model)
-        for side in ("agent", "enemy")
+    modules = {
+        policy: RLModuleSpec(module_class=ActionMaskingTorchRLModule, model_config=model)
+        for policy in policies
     }
+    return (
+        PPOConfig()
+        .environment(BattleMultiAgentEnv, env_config=settings)
+        .multi_agent(
+            policies=set(policies), policy_mapping_fn=lambda agent, episode, **_: agent.split("_")[0]
+        )
+        .rl_module(rl_module_spec=MultiRLModuleSpec(rl_module_specs=modules))
+    )
+
+
+def test_a_policy_per_side_learns(runtime_dir: Path) -> None:
     ray.init(num_cpus=2, log_to_driver=False, include_dashboard=False, object_store_memory=100 << 20)
     try:
         config = (
-            PPOConfig()
-            .environment(BattleMultiAgentEnv, env_config={"scenario": "5m_vs_6m", "sides": "both"})
-            .multi_agent(
-                policies=set(sides), policy_mapping_fn=lambda agent, episode, **_: agent.split("_")[0]
-            )
-            .rl_module(rl_module_spec=MultiRLModuleSpec(rl_module_specs=sides))
+            configured(["agent", "enemy"], {"scenario": "5m_vs_6m", "sides": "both"})
             .env_runners(num_env_runners=0, rollout_fragment_length=100)
             .training(train_batch_size=200, minibatch_size=100, num_epochs=1)
         )
@@ -122,18 +88,10 @@ def test_runners_play_different_battles() -> None:
 
 def runner(worker: int, settings: dict[str, Any], seed: int | None = None, battles: int = 3) -> Any:
     """An env runner as RLlib makes it, which has checked its environments."""
-    from ray.rllib.algorithms.ppo import PPOConfig
-    from ray.rllib.core.rl_module.multi_rl_module import MultiRLModuleSpec
-    from ray.rllib.core.rl_module.rl_module import RLModuleSpec
     from ray.rllib.env.multi_agent_env_runner import MultiAgentEnvRunner
-    from ray.rllib.examples.rl_modules.classes.action_masking_rlm import ActionMaskingTorchRLModule
 
-    module = RLModuleSpec(module_class=ActionMaskingTorchRLModule, model_config={"head_fcnet_hiddens": [16]})
     config = (
-        PPOConfig()
-        .environment(BattleMultiAgentEnv, env_config={"scenario": "zerg_5_vs_5", **settings})
-        .multi_agent(policies={"shared"}, policy_mapping_fn=lambda agent, episode, **_: "shared")
-        .rl_module(rl_module_spec=MultiRLModuleSpec(rl_module_specs={"shared": module}))
+        configured(["agent"], {"scenario": "zerg_5_vs_5", **settings})
         .env_runners(num_env_runners=0, num_envs_per_env_runner=battles)
         .debugging(seed=seed)
     )

@@ -428,15 +428,6 @@ def test_a_damaged_description_is_an_error_with_the_name_of_its_file(
     assert messages
 
 
-@posix
-def test_files_that_are_pipes_are_refused(folder: Path, tmp_path: Path) -> None:
-    shutil.copytree(folder, tmp_path / "run")
-    (tmp_path / "run/weights.safetensors").unlink()
-    os.mkfifo(tmp_path / "run/weights.safetensors")
-    with pytest.raises(sp.errors.InvalidRequest, match="is not a regular file"):
-        sp.load_team(tmp_path / "run")
-
-
 def play_in_another_process(team: sp.Team, seed: int) -> float:
     with sp.make("3m", num_envs=4, threads=1, **team.settings) as envs:
         return sp.evaluate(envs, team, episodes=8, seed=seed).mean_return

@@ -147,32 +147,6 @@ def test_copies_are_ordinary(envs: sp.Envs) -> None:
         np.from_dlpack(seen)
 
 
-def test_a_tensor_keeps_its_frame_and_no_longer() -> None:
-    with sp.make("2s3z", 4, max_held_batches=3) as envs:
-        batch = envs.reset(seed=1)
-        before, kept = batch.obs.copy(), [tensor(batch.obs)[1:]]
-        for _ in range(8):
-            batch = envs.step(envs.sample_actions())
-        assert np.array_equal(kept[0].numpy(), before[1:])
-        kept.append(tensor(batch.obs))
-        batch = envs.step(envs.sample_actions())
-        kept.append(tensor(batch.obs))
-        del batch
-        with pytest.raises(sp.errors.TooManyBatchesHeld):
-            envs.step(envs.sample_actions())
-        kept.clear()
-        envs.recv()
-
-
-def test_a_string_is_no_list_of_names() -> None:
-    """It was read letter by letter: "a batch has no `o`"."""
-    with sp.make("3m", 1) as envs:
-        batch = envs.reset(seed=1)
-        with pytest.raises(TypeError, match=r'^names must be a list of strings, such as \["obs"\], got str'):
-            tensors(batch, "obs")
-        assert [*tensors(batch, ("obs", "reward"))] == ["obs", "reward"]
-
-
 @pytest.mark.skipif(torch.cuda.is_available(), reason="has CUDA")
 def test_pinning_without_cuda_is_refused(envs: sp.Envs) -> None:
     batch = envs.reset(seed=1)
