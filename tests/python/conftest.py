@@ -163,11 +163,13 @@ def replayed(path: Path) -> str:
     return program("replay", path).stdout
 
 
-def published_smacv2(folder: Path, name: str) -> Path:
-    """A standard scenario with SMACv2's published code, which terminates episodes at their limit."""
+def changed_scenario(folder: Path, name: str, **keys: Any) -> Path:
+    """A file of a standard scenario with other keys, or with other keys of its `smacv2`."""
     scenario = json.loads((REPOSITORY / f"scenarios/data/{name}.json").read_text())
+    if "smacv2" in keys:
+        keys["smacv2"] = scenario.get("smacv2", {}) | keys["smacv2"]
     path = folder / f"{name}.json"
-    path.write_text(json.dumps({**scenario, "smacv2": {"published": True}}))
+    path.write_text(json.dumps(scenario | keys))
     return path
 
 

@@ -6,7 +6,6 @@ itself runs.
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 from pathlib import Path
@@ -19,7 +18,7 @@ import smaclite_pool as sp
 from smaclite_pool.marl.epymarl import PoolRunner
 from smaclite_pool.marl.smac import MultiAgentEnv
 
-from conftest import REPOSITORY, Serve, published_smacv2, replayed
+from conftest import Serve, changed_scenario, replayed
 
 torch = pytest.importorskip("torch")
 
@@ -172,7 +171,8 @@ def check_episode(batch: Any, env: MultiAgentEnv, row: int) -> int:
 @pytest.mark.usefixtures("test_double")
 @pytest.mark.parametrize("published", [False, True])
 def test_a_time_out_is_no_end_if_episodes_continue(published: bool, tmp_path: Path) -> None:
-    scenario = str(published_smacv2(tmp_path, "3s_vs_5z")) if published else "3s_vs_5z"
+    own = changed_scenario(tmp_path, "3s_vs_5z", smacv2={"published": True})
+    scenario = str(own) if published else "3s_vs_5z"
     for continuing in (False, True):
         runner, _, log = begun(3, map_name=scenario, time_limit=4, continuing_episode=continuing)
         runner.args.runner_log_interval = 0
@@ -237,9 +237,7 @@ def test_the_state_without_last_actions() -> None:
 def test_only_last_actions_are_left_out(
     options: dict[str, bool], expected: tuple[int, int], tmp_path: Path
 ) -> None:
-    file = tmp_path / "mine.json"
-    content = json.loads((REPOSITORY / "scenarios/data/terran_5_vs_5.json").read_text())
-    file.write_text(json.dumps({**content, "smacv2": {**content["smacv2"], **options}}))
+    file = changed_scenario(tmp_path, "terran_5_vs_5", smacv2=options)
     sizes = []
     for with_last_action in (False, True):
         runner = PoolRunner(args_of(1, map_name=str(file), state_last_action=with_last_action), Log())

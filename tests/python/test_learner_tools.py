@@ -18,7 +18,7 @@ import smaclite_pool as sp
 from numpy.typing import ArrayLike, NDArray
 from smaclite_pool._native import FIRST_TARGET, NO_OP, NORTH, STOP
 
-from conftest import each_case, replayed
+from conftest import changed_scenario, each_case, replayed
 from play import duel
 
 
@@ -119,13 +119,8 @@ def test_who_has_won_if_the_last_units_die_together(tmp_path: Path) -> None:
         {"x": x, "y": 16, "faction": faction, "units": {"BANELING": 1}}
         for x, faction in [(15, "ALLY"), (17, "ENEMY")]
     ]
-    scenario = {
-        "name": "banelings", "num_allied_units": 1, "num_enemy_units": 1, "groups": groups,
-        "attack_point": [15, 16], "terrain": ["_" * 32] * 32, "num_unit_types": 0,
-        "ally_has_shields": False, "enemy_has_shields": False, "episode_limit": 50,
-    }  # fmt: skip
-    path = tmp_path / "banelings.json"
-    path.write_text(json.dumps(scenario))
+    sizes = {"num_allied_units": 1, "num_enemy_units": 1}
+    path = changed_scenario(tmp_path, "3m", groups=groups, attack_point=[15, 16], **sizes)
 
     def rates(against: Any = None, **options: Any) -> tuple[float, float, float]:
         with sp.make(path, 2, seed=1, **options) as envs:

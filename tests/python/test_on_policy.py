@@ -10,7 +10,7 @@ import smaclite_pool as sp
 from numpy.typing import NDArray
 from smaclite_pool.marl.on_policy import ShareVecEnv
 
-from conftest import Serve, published_smacv2
+from conftest import Serve, changed_scenario
 
 
 def legal(available: NDArray[np.bool_], rng: np.random.Generator) -> list[list[int]]:
@@ -66,7 +66,7 @@ def test_steps_are_the_pools_and_shared_by_all_agents() -> None:
 @pytest.mark.parametrize("published", [False, True])
 def test_a_time_out_is_a_bad_transition(published: bool, tmp_path: Path) -> None:
     """It never was one with SMACv2's published code."""
-    scenario = published_smacv2(tmp_path, "3s_vs_5z") if published else "3s_vs_5z"
+    scenario = changed_scenario(tmp_path, "3s_vs_5z", smacv2={"published": True}) if published else "3s_vs_5z"
     envs = ShareVecEnv(scenario, 2, episode_limit=2)
     envs.reset()
     stop = np.ones((2, 3, 1), np.int64)

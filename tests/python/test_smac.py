@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import json
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ import smaclite_pool as sp
 from smaclite_pool.marl.on_policy import ShareVecEnv
 from smaclite_pool.marl.smac import Direction, MultiAgentEnv, Unavailable, get_map_params
 
-from conftest import REPOSITORY, published_smacv2, replayed
+from conftest import changed_scenario, replayed
 
 # All options of SMAC with their defaults.
 SMAC_DEFAULTS: dict[str, object] = {
@@ -91,20 +90,9 @@ def test_default_observations_and_state_are_the_pools(scenario: str) -> None:
     obs, state = env.reset()
     batch = envs.reset()
     info = env.get_env_info()
-    sizes = (
-        info["n_agents"],
-        info["obs_shape"],
-        info["state_shape"],
-        info["n_actions"],
-        info["episode_limit"],
-    )
-    assert sizes == (
-        envs.spec.n_agents,
-        envs.spec.obs_size,
-        envs.spec.state_size,
-        envs.spec.n_actions,
-        envs.spec.episode_limit,
-    )
+    names = {"n_agents": "n_agents", "obs_shape": "obs_size", "state_shape": "state_size"}
+    names |= {"n_actions": "n_actions", "episode_limit": "episode_limit"}
+    assert {key: info[key] for key in names} == {key: getattr(envs.spec, names[key]) for key in names}
     rng = np.random.default_rng(1)
     for _ in range(30):
         np.testing.assert_array_equal(np.stack(obs), batch.obs[0])
@@ -259,57 +247,35 @@ def test_the_opponent_is_the_scenarios_own() -> None:
     vector.close()
 
 
-def test_parts_of_observations_that_smac_does_not_have_are_refused(tmp_path: Path) -> None:
-    files = REPOSITORY / "scenarios" / "data"
-    scenario = json.loads((files / "zerg_5_vs_5.json").read_text())
-    scenario["smacv2"]["obs_timestep_number"] = True
-    path = tmp_path / "timed.json"
-    path.write_text(json.dumps(scenario))
-    with pytest.raises(sp.errors.InvalidRequest, match="smacv2.*`obs` the parts.*time.*but this class reads"):
-        MultiAgentEnv(path)
-
-
 @pytest.mark.parametrize(
-    ("option", "words"),
+    ("scenario", "keys", "words"),
     [
-        ({"conic_fov": True}, "`conic_fov` of `smacv2` in the scenario is not false"),
-        ({"obs_all_health": False}, "`obs_all_health` of `smacv2` in the scenario is not true"),
+        ("zerg_5_vs_5", {"smacv2": {"obs_timestep_number": True}}, "`obs` the parts.*time.*this class reads"),
+        ("terran_5_vs_5", {"smacv2": {"conic_fov": True}}, "`conic_fov` .* in the scenario is not false"),
+        ("terran_5_vs_5", {"smacv2": {"obs_all_health": False}}, "`obs_all_health` .* is not true"),
         (
-            {"health": {"lower_bound": 0.3, "upper_bound": 0.6}},
+            "terran_5_vs_5",
+            {"smacv2": {"health": {"lower_bound": 0.3, "upper_bound": 0.6}}},
             "`health` of `smacv2` in the scenario is not null",
         ),
+        ("terran_5_vs_5", {"num_unit_types": 0, "unit_type_ids": {}}, "must tell the types of units, which"),
     ],
 )
-def test_options_by_which_actions_or_health_mean_something_else_are_refused(
-    tmp_path: Path, option: dict[str, Any], words: str
+def test_what_smac_cannot_tell_is_refused(
+    scenario: str, keys: dict[str, Any], words: str, tmp_path: Path
 ) -> None:
-    """The scripted player looked around instead of attacking; units that lived were dead, with -11 health."""
-    scenario = json.loads((REPOSITORY / "scenarios" / "data" / "terran_5_vs_5.json").read_text())
-    scenario["smacv2"] |= option
-    path = tmp_path / "other.json"
-    path.write_text(json.dumps(scenario))
+    """The scripted player looked around instead of attacking; units that lived were dead, with -11 health;
+    and units, pictures and rewards were those of a sample, not of the episode."""
+    path = changed_scenario(tmp_path, scenario, **keys)
     with pytest.raises(sp.errors.InvalidRequest, match=words):
         MultiAgentEnv(path)
-
-
-def test_types_that_are_drawn_and_not_told_are_refused(tmp_path: Path) -> None:
-    """Units, pictures and rewards were those of a sample, not of the episode."""
-    scenario = json.loads((REPOSITORY / "scenarios" / "data" / "terran_5_vs_5.json").read_text())
-    scenario |= {"num_unit_types": 0, "unit_type_ids": {}}
-    path = tmp_path / "untold.json"
-    path.write_text(json.dumps(scenario))
-    for made in (lambda: MultiAgentEnv(path), lambda: sp.extras.AgentViews(sp.make(path, 1))):
-        with pytest.raises(
-            sp.errors.InvalidRequest, match="must tell the types of units, which each episode"
-        ):
-            made()
+    if "num_unit_types" in keys:
+        with sp.make(path, 1) as envs, pytest.raises(sp.errors.InvalidRequest, match=words):
+            sp.extras.AgentViews(envs)
 
 
 def test_attributes_of_rewards_are_those_of_the_scenario(tmp_path: Path) -> None:
-    scenario = json.loads((REPOSITORY / "scenarios" / "data" / "3m.json").read_text())
-    path = tmp_path / "fifty.json"
-    path.write_text(json.dumps(scenario | {"rewards": {"reward_win": 50}}))
-    env = MultiAgentEnv(path)
+    env = MultiAgentEnv(changed_scenario(tmp_path, "3m", rewards={"reward_win": 50}))
     assert env.reward_win == 50 and env.reward_scale_rate == 20
     env.close()
 
@@ -329,7 +295,7 @@ def test_options_of_rewards_are_those_of_the_battle() -> None:
 @pytest.mark.parametrize("published", [False, True])
 def test_time_out_is_terminated_and_marked_only_if_asked(published: bool, tmp_path: Path) -> None:
     """With SMACv2's published code it was a defeat, and never marked."""
-    scenario = published_smacv2(tmp_path, "3s_vs_5z") if published else "3s_vs_5z"
+    scenario = changed_scenario(tmp_path, "3s_vs_5z", smacv2={"published": True}) if published else "3s_vs_5z"
     for continuing in (False, True):
         env = MultiAgentEnv(scenario, seed=1, episode_limit=3, continuing_episode=continuing)
         env.reset()

@@ -21,7 +21,7 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 
-from conftest import REPOSITORY, Serve, posix, program
+from conftest import REPOSITORY, Serve, changed_scenario, posix, program
 
 SMALL = {"num_envs": 16, "horizon": 32, "threads": 2}
 
@@ -471,20 +471,11 @@ def test_a_team_that_knows_units_plays_no_enemies_that_are_others() -> None:
 
 def test_a_team_of_changed_battles_names_no_standard_scenario(tmp_path: Path) -> None:
     """`make(team.scenario)` played the standard scenario of that name: 5 % of battles won instead of 82."""
-    file = tmp_path / "3m.json"
     groups = [
         {"x": x, "y": 16, "faction": faction, "units": {"MARINE": 3}}
         for x, faction in ((9, "ALLY"), (15, "ENEMY"))
     ]
-    text: dict[str, Any] = {
-        "name": "3m",
-        "num_allied_units": 3,
-        "num_enemy_units": 3,
-        "groups": groups,
-        "attack_point": [9, 16],
-    }
-    text |= {"terrain_preset": "SIMPLE", "num_unit_types": 0}
-    file.write_text(json.dumps(text | {"ally_has_shields": False, "enemy_has_shields": False}))
+    file = changed_scenario(tmp_path, "3m", groups=groups)
     small: dict[str, Any] = {"num_envs": 4, "horizon": 8, "minibatches": 1, "hidden": [8, 8], "threads": 1}
     for scenario, expected in ((str(file), None), ("3m", "3m")):
         folder = tmp_path / f"run-{expected}"
