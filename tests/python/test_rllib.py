@@ -65,16 +65,6 @@ def test_a_policy_per_side_learns(runtime_dir: Path) -> None:
     assert {"agent", "enemy"} <= set(learners)
 
 
-def test_invalid_calls_are_refused(env: BattleMultiAgentEnv) -> None:
-    with pytest.raises(sp.errors.InvalidRequest, match="reset"):
-        env.step({})
-    env.reset()
-    with pytest.raises(sp.errors.InvalidRequest, match="agent_4"):
-        env.step(dict.fromkeys(list(env.agents)[:4], 1))
-    with pytest.raises(sp.errors.IllegalAction):
-        env.step(dict.fromkeys(env.agents, 0))
-
-
 def test_runners_play_different_battles() -> None:
     """By default RLlib resets without a seed."""
     seeds = []

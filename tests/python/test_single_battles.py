@@ -48,3 +48,34 @@ def test_a_battle_is_that_of_the_pool(adapter: str, sides: Any) -> None:
             assert {*truncated.values()} == {batch.truncated[0]}
         assert infos["agent_1"]["dead_allies"] == batch.dead_allies[0]
     env.close()
+
+
+@pytest.mark.parametrize(
+    ("adapter", "options"),
+    [("parallel_env", {}), ("parallel_env", {"illegal_actions": "stop"}), ("rllib", {})],
+)
+def test_wrong_calls_are_refused_and_step_nothing(adapter: str, options: dict[str, Any]) -> None:
+    """An action for an agent that there is not, as of a misspelt name, was ignored."""
+    env = battle_of(adapter, "2s3z", **options)
+    with pytest.raises(sp.errors.InvalidRequest, match="call reset first"):
+        env.step({})
+    env.reset(seed=1)
+    state, stop = env._battle.last.state.copy(), dict.fromkeys(env.agents, 1)
+    refused: dict[str, dict[Any, Any]] = {
+        "missing agent_4": dict(list(stop.items())[:4]),
+        "contain 'agent_5', 0; agents are agent_0, agent_1": stop | {"agent_5": 1, 0: 1},
+    }
+    refused |= {
+        f"agent_1 must be an integer, got {bad!r}": stop | {"agent_1": bad} for bad in (1.9, "1", None)
+    }
+    for text, given in refused.items():
+        with pytest.raises(sp.errors.InvalidRequest, match=text):
+            env.step(given)
+    with pytest.raises(TypeError, match="actions must be a dict of agents and actions, got list"):
+        env.step([1] * 5)
+    if not options:
+        with pytest.raises(sp.errors.IllegalAction) as caught:
+            env.step(dict.fromkeys(env.agents, 0))
+        assert caught.value.agent == 0 and 1 in caught.value.available
+    assert np.array_equal(env._battle.last.state, state)
+    env.close()
