@@ -198,18 +198,6 @@ def _made_again(made: type[Copied], args: tuple[Any, ...], kwargs: dict[str, Any
 
 
 @dataclass(frozen=True)
-class EnemyTimeStep:
-    """The enemies of a battle after a reset or step, where actions play both sides."""
-
-    obs: NDArray[np.float32]
-    """float32 [n_enemies, enemy_obs_size]."""
-    avail_actions: NDArray[np.bool_]
-    """bool [n_enemies, n_enemy_actions]."""
-    reward: float
-    """The enemies' reward."""
-
-
-@dataclass(frozen=True)
 class TimeStep:
     """A battle after a reset or step. Arrays are copies, as a lane limits the batches that can be held."""
 
@@ -233,10 +221,12 @@ class TimeStep:
     """uint8 [snapshot_size]: the battle, to restore it later."""
     info: dict[str, Any]
     """`battle_won` (bool), `dead_allies` and `dead_enemies` (int)."""
-    enemies: EnemyTimeStep | None
-    """If actions play both sides."""
     shares: list[float] | None
     """The share of each unit of `rows` in the reward of its team, if the battle has them."""
+    enemy_obs: Sequence[NDArray[np.float32]] = ()
+    """Those of each enemy, if actions play both sides; so are the next two."""
+    enemy_avail_actions: Sequence[NDArray[np.bool_]] = ()
+    enemy_reward: float = 0.0
 
     @property
     def ended(self) -> bool:
@@ -246,18 +236,17 @@ class TimeStep:
     @property
     def rows(self) -> list[NDArray[np.float32]]:
         """The observation of each agent, and then of each enemy if actions play both sides."""
-        return [*self.obs, *(self.enemies.obs if self.enemies else ())]
+        return [*self.obs, *self.enemy_obs]
 
     @property
     def masks(self) -> list[NDArray[np.bool_]]:
         """The available actions of the units of `rows`."""
-        return [*self.avail_actions, *(self.enemies.avail_actions if self.enemies else ())]
+        return [*self.avail_actions, *self.enemy_avail_actions]
 
     @property
     def rewards(self) -> list[float]:
         """The reward of the team of each unit of `rows`."""
-        of_enemies = [self.enemies.reward] * len(self.enemies.obs) if self.enemies else []
-        return [self.reward] * len(self.obs) + of_enemies
+        return [self.reward] * len(self.obs) + [self.enemy_reward] * len(self.enemy_obs)
 
     @property
     def totals(self) -> dict[str, Any]:
@@ -267,13 +256,9 @@ class TimeStep:
     @staticmethod
     def of(batch: Batch, at_limit: bool = False) -> TimeStep:
         """The only environment of a batch."""
-        enemies = None
-        if "enemy_obs" in batch:
-            enemies = EnemyTimeStep(
-                obs=batch.enemy_obs[0].copy(),
-                avail_actions=batch.enemy_avail_actions[0].copy(),
-                reward=batch.enemy_reward[0].item(),
-            )
+        enemies: dict[str, Any] = {name: batch[name][0].copy() for name in ENEMY_FIELDS if name in batch}
+        if enemies:
+            enemies["enemy_reward"] = enemies["enemy_reward"].item()
         shares = [name for name in SHARE_FIELDS if name in batch]
         return TimeStep(
             obs=batch.obs[0].copy(),
@@ -287,8 +272,8 @@ class TimeStep:
             episode_length=batch.episode_length[0].item(),
             snapshot=batch.snapshot[0].copy(),
             info={name: getattr(batch, name)[0].item() for name in OUTCOME_FIELDS},
-            enemies=enemies,
             shares=[share for name in shares for share in getattr(batch, name)[0].tolist()] or None,
+            **enemies,
         )
 
 

@@ -403,6 +403,6 @@ def attach(lane: str | None = None, *, fleet: str = "smaclite", timeout: float =
     """Attach this process to a lane of its node's pool: to `lane`, or to any free lane.
 
     Raises NoSuchPool if no such fleet runs on this node, LaneTaken if no lane became free within `timeout`
-    seconds, and StartError if the pool does not start.
+    seconds, StartError if the pool does not start, and PoolDied if the node's actor has ended.
     """
     return Lane(fleet, lane, timeout)
