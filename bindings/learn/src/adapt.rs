@@ -1,8 +1,8 @@
 //! A team whose networks fit every scenario, written as one of a single map: for whatever plays a folder.
 
-use crate::checkpoint::write_actor;
 use crate::config::{Config, NetworkKind};
 use crate::description::{OtherMap, RunDescription, WEIGHTS, Weights, read_policy, write_description};
+use crate::weights::write_actor;
 use crate::zoo_folders::{ExportError, create_team_folder};
 use smaclite_engine::BattleSetup;
 use std::path::Path;

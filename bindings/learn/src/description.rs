@@ -1,12 +1,12 @@
 //! What a folder of a run says to others: `run.json`, and the weights of its team.
 
 use crate::architecture::{Architecture, Inputs};
-use crate::checkpoint::read_actor;
 use crate::config::{Config, ConfigError, Enemies, NetworkKind};
 use crate::lane_error::{LaneError, UnequalUnits, check_equal_sides};
 use crate::lanes::{Lanes, sizes_with_history};
 use crate::team::{Network, OnScenario};
 use crate::tensors::{FileError, create_folder, exists, read, write};
+use crate::weights::read_actor;
 use crate::zoo;
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};

@@ -71,6 +71,7 @@ mod training;
 mod units_network;
 mod universal;
 mod view;
+mod weights;
 mod zoo;
 mod zoo_cards;
 mod zoo_folders;

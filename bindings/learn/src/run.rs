@@ -16,7 +16,7 @@
 //! While a process writes to it, it has the lock (`flock`) of the folder. The system releases it at the end
 //! of the process.
 
-use crate::checkpoint::{Checkpoint, read_actor, write_actor, write_weights};
+use crate::checkpoint::Checkpoint;
 use crate::config::Config;
 use crate::description::{
     LOG, OPPONENT, RunDescription, WEIGHTS, Weights, copy_team, read_rival, write_description,
@@ -28,6 +28,7 @@ use crate::log::{CsvLog, KeptLines, TensorBoardLog};
 use crate::run_folders::held_run;
 use crate::tensors::{FileError, create_folder, exists, remove_incomplete};
 use crate::training::{Record, TrainError, Training};
+use crate::weights::{read_actor, write_actor, write_weights};
 use crate::zoo_folders;
 use smaclite_engine::BattleSetup;
 use smaclite_ipc::ClientError;

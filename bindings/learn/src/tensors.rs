@@ -132,6 +132,13 @@ pub(crate) fn write(path: &Path, bytes: &[u8]) -> Result<(), FileError> {
         .map_err(|source| FileError::Write { path: path.to_owned(), source })
 }
 
+/// Writes a file of arrays whole, or not at all.
+pub(crate) fn write_arrays(path: &Path, arrays: &[Array]) -> Result<(), FileError> {
+    let bytes = encode(arrays)
+        .map_err(|error| FileError::Write { path: path.to_owned(), source: std::io::Error::other(error) })?;
+    write(path, &bytes)
+}
+
 /// Removes a file, if it exists.
 pub(crate) fn remove(path: &Path) -> Result<(), FileError> {
     match fs::remove_file(path) {

@@ -3,6 +3,7 @@
 use super::*;
 use crate::config::{Activation, Config, Enemies, SelfPlay};
 use crate::setups::resolve_scenario;
+use crate::weights::{read_actor, write_weights};
 use smaclite_engine::Rules;
 use std::fs;
 

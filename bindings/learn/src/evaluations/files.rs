@@ -6,12 +6,12 @@
 //! and a run is not continued without it: nothing could play it again.
 
 use super::{EVALUATION_EPISODES, EvaluationRow, FinalResult, Summary, Trained};
-use crate::checkpoint::write_weights;
 use crate::description::{BEST, EVALUATIONS};
 use crate::policy::Choice;
 use crate::rollout::Episode;
 use crate::team::Team;
 use crate::tensors::{FileError, create_folder, entries, read_text, remove};
+use crate::weights::write_weights;
 use std::collections::HashMap;
 use std::fs::OpenOptions;
 use std::io::Write;

@@ -18,7 +18,7 @@ mod final_result;
 mod play;
 mod row;
 
-use crate::checkpoint::{Checkpoint, read_actor};
+use crate::checkpoint::Checkpoint;
 use crate::cpu_timer::CpuTimer;
 use crate::description::{BEST, RunDescription};
 use crate::parallel::Interrupted;
@@ -26,6 +26,7 @@ use crate::policy::Choice;
 use crate::team::Network;
 use crate::tensors::{FileError, read, remove, write};
 use crate::training::TrainError;
+use crate::weights::read_actor;
 pub(crate) use files::EVALUATION_WEIGHTS;
 pub use files::{BothEpisodes, EvaluationFiles, on_map};
 pub use final_result::FinalResult;
