@@ -11,6 +11,7 @@ use smaclite_engine::{
 };
 use smaclite_scenarios::{Capability, EnemyMask, Faction, Placement, Scenario, ScenarioFiles, UnitFile};
 use std::sync::Arc;
+use xxhash_rust::xxh3::Xxh3;
 
 #[test]
 fn a_snapshot_of_another_rule_set_is_an_error() {
@@ -25,6 +26,20 @@ fn a_snapshot_of_another_rule_set_is_an_error() {
         let message = format!("the snapshot is of rules `{given}`, and the battle has rules `{expected}`");
         assert_eq!(read.expect_err("other rules").to_string(), message);
     }
+}
+
+/// Snapshots name their scenario by a hash of what it consists of, as text. A change of the hash refuses what users
+/// stored: where it cannot be left out, raise `RECORD_VERSION`, so that the error says why.
+#[test]
+fn the_hashes_of_standard_scenarios_stay() {
+    let mut all = Xxh3::new();
+    for name in Scenario::standard_names().into_iter().chain(Scenario::generated_names()) {
+        let scenario = Scenario::resolve(name).expect("a standard scenario");
+        for rules in Rules::ALL {
+            all.update(&Arena::new(&scenario, rules).scenario_hash().to_le_bytes());
+        }
+    }
+    assert_eq!(format!("{:016x}", all.digest()), "fcfed2f117c1dc16");
 }
 
 /// Steps with legal actions that depend on the state only.

@@ -427,7 +427,7 @@ fn ids_of(scenario: &Scenario, faction: Faction) -> Vec<u32> {
 }
 
 /// Hashes the text of everything that the scenario consists of, and the rule set: numbers are written so that
-/// no two are equal.
+/// no two are equal. Stored snapshots have the hash; a test keeps those of the standard scenarios.
 fn scenario_hash(scenario: &Scenario, rules: Rules) -> u64 {
     let mut hash = Fnv1a::default();
     hash.write(format!("{scenario:?} {rules}").as_bytes());
