@@ -2,6 +2,7 @@
 // Theme: the colours of the style sheet for canvases, and the choice between light and dark.
 
 import { THEMES } from "./address.js";
+import { byId } from "./dom.js";
 
 export const theme = {
   /** @type {{ [name: string]: string }} */
@@ -13,8 +14,7 @@ export const theme = {
 
   start() {
     const dark = matchMedia("(prefers-color-scheme: dark)");
-    const asked = [new URLSearchParams(location.hash.slice(1)).get("theme"), stored("theme")];
-    let chosen = asked.find((name) => THEMES.includes(name ?? "")) ?? null;
+    let chosen = [asked(), stored("theme")].find(isTheme) ?? null;
     const apply = () => {
       const name = chosen ?? (dark.matches ? "dark" : "light");
       document.documentElement.dataset.theme = name;
@@ -22,6 +22,11 @@ export const theme = {
       this.listeners.forEach((listener) => listener());
     };
     dark.addEventListener("change", apply);
+    addEventListener("hashchange", () => {
+      if (!isTheme(asked())) return;
+      chosen = asked();
+      apply();
+    });
     // Another page of this origin, or one in a frame of this page, changed the choice.
     addEventListener("storage", (event) => {
       if (event.key !== "theme") return;
@@ -42,7 +47,7 @@ export const theme = {
 
   read() {
     const style = getComputedStyle(document.documentElement),
-      [rule] = /** @type {any} */ (document.styleSheets[0].cssRules); // that of the root, with all names
+      [rule] = byId("style").sheet.cssRules; // that of the root, with all names
     for (const name of rule.style)
       if (name.startsWith("--")) this.colours[name.slice(2)] = style.getPropertyValue(name).trim();
     this.dark = document.documentElement.dataset.theme === "dark";
@@ -59,6 +64,12 @@ export const theme = {
     return `rgba(${r}, ${g}, ${b}, ${opacity})`;
   },
 };
+
+/** The theme that the address says. */
+const asked = () => new URLSearchParams(location.hash.slice(1)).get("theme");
+
+/** @param {string | null} name */
+const isTheme = (name) => THEMES.includes(name ?? "");
 
 /** @param {string} key */
 function stored(key) {
