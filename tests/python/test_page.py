@@ -91,6 +91,56 @@ def test_another_address_is_followed_and_what_is_wrong_in_it_is_named(browser: A
         page.wait(lambda: page.shown("#message"))
         assert page.text("#message").endswith("`episode` must be a whole number from 0 to 2, got ``.")
         assert page.tick == 0
+        for theme in ("light", "dark"):
+            page.page.evaluate(f"location.hash = 'theme={theme}'")
+            page.wait(lambda theme=theme: page.page.get_attribute("html", "data-theme") == theme)
+        assert not page.shown("#message"), "this address can be followed"
+        # The first one waited for its episode, and then showed its tick in place of the second one's.
+        page.page.evaluate("location.hash = 'episode=2&tick=30'; location.hash = 'episode=2&tick=12&speed=1.0'")
+        page.wait(lambda: page.tick == 12 and page.text("#speed").startswith("1\u00d7"))
+
+
+def test_an_address_can_let_a_battle_play_and_stop(browser: Any, pages: Path) -> None:
+    with Page(browser, pages / "2s3z.html", "play=1&speed=0.50") as page:
+        page.wait(lambda: page.tick > 1)
+        page.page.evaluate("location.hash = 'play=0&tick=40'")
+        page.wait(lambda: page.tick == 40 and page.shown("#start") is False)
+        page.settle()
+        assert page.tick == 40
+        page.page.evaluate(f"location.hash = 'play=1&tick={page.last}'")
+        page.wait(lambda: 0 < page.tick < 40)  # from the start again
+
+
+def test_a_style_sheet_of_the_browser_leaves_the_colours(browser: Any, pages: Path) -> None:
+    """The page read the colours of its first style sheet, which an extension may add; it stayed blank."""
+    tab = browser.new_page(**WINDOW)
+    tab.add_init_script("""new MutationObserver((_, observer) => {
+        if (!document.head) return;
+        observer.disconnect();
+        document.head.prepend(document.createElement("style"));
+        document.head.firstChild.textContent = "a { color: red }";
+    }).observe(document, { childList: true, subtree: true })""")
+    with BattlePage(tab, (pages / "2s3z.html").as_uri()) as page:
+        assert page.page.evaluate("document.styleSheets.length") == 2
+        page.settle()
+        assert page.colours() > 50
+
+
+def test_the_tick_of_an_address_counts_from_the_start_of_the_battle(
+    browser: Any, pages: Path, tmp_path: Path
+) -> None:
+    """It counted from the start of the recording, and the page from that of the battle."""
+    whole = (pages / "2s3z.html").read_text()
+    midway = whole.replace('"first_step":0', '"first_step":10')
+    assert midway != whole
+    (tmp_path / "midway.html").write_text(midway)
+    first = 10 * TICKS_PER_STEP
+    with Page(browser, tmp_path / "midway.html", f"tick={first + 5}") as page:
+        assert (page.step, page.tick) == (10, first + 5)
+        page.page.evaluate(f"location.hash = 'tick={first - 1}'")
+        page.wait(lambda: page.shown("#message"))
+        wrong = f"`tick` must be a whole number from {first} to {first + page.last}, got `{first - 1}`."
+        assert page.text("#message").endswith(wrong)
 
 
 def test_a_window_that_was_low_shows_the_battle_again(browser: Any, pages: Path) -> None:

@@ -88,7 +88,7 @@ async function unpacked(text) {
  * @param {URLSearchParams} link
  */
 function checkOf(link) {
-  const said = new URLSearchParams([...link].filter(([key]) => key in BATTLE));
+  const said = new URLSearchParams([...link].filter(([key]) => Object.hasOwn(BATTLE, key)));
   let sum = 0x811c9dc5;
   for (const byte of new TextEncoder().encode(said.toString())) sum = Math.imul(sum ^ byte, 0x01000193);
   return (sum >>> 0).toString(16).padStart(8, "0");

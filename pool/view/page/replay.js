@@ -8,7 +8,7 @@ import { counted } from "./numbers.js";
 import { BattlePlayer, RESULTS } from "./player.js";
 import { theme } from "./theme.js";
 import { Track, inflate } from "./track.js";
-import { SPEEDS } from "./transport.js";
+import { SPEEDS, TICKS_PER_STEP } from "./transport.js";
 
 /** @import { EpisodeData, ReplayData } from "./data.d.ts" */
 
@@ -27,7 +27,9 @@ class ReplayPage extends BattlePlayer {
     this.listEpisodes();
     this.listen();
     await this.follow();
-    addEventListener("hashchange", () => this.follow());
+    // One address after the other: each may wait for an episode, and then says which moment is shown.
+    let followed = Promise.resolve();
+    addEventListener("hashchange", () => (followed = followed.then(() => this.follow()).catch(fail)));
     everyFrame((now) => this.frame(now));
     document.documentElement.dataset.ready = "";
   }
@@ -37,22 +39,29 @@ class ReplayPage extends BattlePlayer {
     const { episodes } = this.data;
     /** @param {URLSearchParams} said */
     const episodeOf = (said) => Number(said.get("episode") ?? Math.max(0, this.episode));
+    /** @param {URLSearchParams} said */
+    const firstTick = (said) => episodes[episodeOf(said)].first_step * TICKS_PER_STEP;
     const { said, problem } = readAddress(location.hash.slice(1), {
       episode: episodes.length,
-      tick: (said) => episodes[episodeOf(said)].n_moments,
+      tick: (said) => ({
+        from: firstTick(said),
+        below: firstTick(said) + episodes[episodeOf(said)].n_moments,
+      }),
       unit: this.info.units.length,
-      speed: SPEEDS.map(String),
+      speed: SPEEDS,
       play: PLAY,
       fit: ["map"],
       theme: THEMES,
     });
     if (said.has("fit") && !this.view.wholeMap) this.fit();
     this.clock.speed = Number(said.get("speed") ?? this.clock.speed);
-    await this.open(episodeOf(said));
-    this.seek(Number(said.get("tick")));
+    const episode = episodeOf(said);
+    await this.open(episode);
+    showMessage(problem && `The address cannot be followed: ${problem}.`);
+    if (this.episode !== episode) return; // a person chose another one meanwhile
+    this.seek(said.has("tick") ? Number(said.get("tick")) - firstTick(said) : 0);
     if (said.has("unit")) this.view.selected = Number(said.get("unit"));
-    if (said.has("play")) this.clock.playing = said.get("play") === "1";
-    if (problem) showMessage(`The address cannot be followed: ${problem}.`);
+    if (said.has("play") && this.clock.playing !== (said.get("play") === "1")) this.toggle();
   }
 
   /**
@@ -123,8 +132,11 @@ class ReplayPage extends BattlePlayer {
   }
 }
 
-theme.start();
-new ReplayPage(JSON.parse(byId("data").textContent)).start().catch((error) => {
+/** @param {Error} error */
+function fail(error) {
   say(`The replay cannot be shown: ${error.message}. The page needs ${BROWSERS}.`);
   console.error(error);
-});
+}
+
+theme.start();
+new ReplayPage(JSON.parse(byId("data").textContent)).start().catch(fail);
