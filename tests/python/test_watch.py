@@ -486,6 +486,7 @@ def test_a_reload_of_a_followed_battle_keeps_its_page_of_the_grid(
             page.wait(lambda ignored=ignored: page.text("#notice").startswith(f"{NOT_FOLLOWED} {ignored}"))
             page.page.evaluate("location.hash = 'env=68'")
             page.wait(lambda: page.text("h1") == "Battle 68")
+            page.wait(lambda: NOT_FOLLOWED not in page.text("#notice"))
             assert page.page.url.endswith("#lane=3m&env=68")
 
 

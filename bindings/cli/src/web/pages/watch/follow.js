@@ -151,7 +151,7 @@ export class FollowPlayer extends BattlePlayer {
     const known = this.tracks.get(number);
     if (known) return known;
     const entry = {
-      track: this.newTrack(number),
+      track: this.newTrack(number, this.listed.find((one) => one.number === number)?.first_step ?? 0),
       steps: 0,
       isOver: false,
       result: null,
@@ -164,12 +164,12 @@ export class FollowPlayer extends BattlePlayer {
     return entry;
   }
 
-  /** @param {number} number */
-  newTrack(number) {
-    const track = new Track(this.info);
-    const firstStep = this.listed.find((episode) => episode.number === number)?.first_step ?? 0;
-    Object.assign(track, { serial: number, firstStep });
-    return track;
+  /**
+   * @param {number} serial
+   * @param {number} firstStep
+   */
+  newTrack(serial, firstStep) {
+    return Object.assign(new Track(this.info), { serial, firstStep });
   }
 
   /** @param {number} direction */
@@ -251,7 +251,8 @@ export class FollowPlayer extends BattlePlayer {
    * @param {Entry} entry
    */
   replaceTrack(entry) {
-    entry.track = this.newTrack(entry.track.serial);
+    const { serial, firstStep } = entry.track;
+    entry.track = this.newTrack(serial, firstStep);
     if (entry === this.entry) this.view.track = this.chart.track = entry.track;
   }
 

@@ -22,8 +22,9 @@ const NO_STATES =
 class WatchPage {
   /** @param {{ pool: string, lane: string }} data */
   constructor(data) {
-    /** What the address says, until its lane is shown; then what of it cannot be followed. */
+    /** What the address says, until its lane is shown. */
     this.address = location.hash.slice(1);
+    /** Why the last address cannot be followed, until a person goes on. */
     this.ignored = "";
     this.lane = laneOf(this.address) ?? data.lane;
     this.env = -1;
@@ -308,6 +309,7 @@ class WatchPage {
     for (const event of ["pointerdown", "keydown"]) addEventListener(event, () => (this.ignored = ""));
     addEventListener("hashchange", () => {
       const address = location.hash.slice(1);
+      this.ignored = "";
       this.chooseLane(laneOf(address) ?? this.lane, address);
     });
     addEventListener("keydown", (event) => this.key(event), { capture: true });
