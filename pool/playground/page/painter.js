@@ -142,11 +142,21 @@ export class Painter {
    * @param {Square} to
    */
   extend(from, to) {
-    const { brush, map } = this,
-      { before, after, at } = this.stroke ?? { before: map, after: map, at: from };
+    const { brush } = this,
+      { before, after, at } = this.stroke ?? this.begun(from);
     this.stroke = { before, after: brush.drawn(after, at, to, brush.paints), at: to };
     this.showMap();
     this.point(to);
+  }
+
+  /**
+   * A stroke that has changed nothing yet.
+   * @param {Square} at
+   * @returns {Stroke}
+   */
+  begun(at) {
+    const { map } = this;
+    return { before: map, after: map, at };
   }
 
   /** The map of the battle with all strokes that it does not have yet. */
@@ -171,9 +181,14 @@ export class Painter {
     this.asked.push(stroke);
     page.enqueue(async () => {
       const past = [...(this.canUndo ? this.past : []), page.shared.scenario],
-        // Strokes and others before it may have changed the map since it was drawn.
-        rows = rowsOf(withStroke(squaresOf(page.info), stroke));
-      if (await page.change(async () => (await page.engine.request({ type: "paint_map", rows })).scenario))
+        // Strokes and others before it may have changed the map since it was drawn, or its size.
+        map = squaresOf(page.info),
+        drawn = withStroke(map, stroke),
+        rows = rowsOf(drawn);
+      if (
+        drawn !== map &&
+        (await page.change(async () => (await page.engine.request({ type: "paint_map", rows })).scenario))
+      )
         Object.assign(this, { past, newest: page.shared.scenario });
       this.asked.shift();
       this.showMap();
@@ -199,6 +214,7 @@ export class Painter {
       if (before === undefined || !(await this.page.change(async () => before))) return;
       this.past.pop();
       this.newest = before;
+      this.showMap(); // with the strokes that were drawn meanwhile
       this.show();
     });
   }

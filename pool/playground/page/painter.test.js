@@ -12,14 +12,14 @@ Object.assign(globalThis, {
 });
 const { Painter } = await import("./painter.js");
 
-/** A map as a text: rows of `_` and `X`, the southernmost first. */
+/** Squares of the map, which has one row: a text of `_` and `X`. */
 const width = 5;
 
 /** A page whose engine answers when the test lets it. */
 class SlowPage {
   constructor() {
     this.info = { width, height: 1, obstacles: [] };
-    this.shared = { scenario: "0" };
+    this.shared = { scenario: "_____" };
     this.queue = Promise.resolve();
     this.shown = "";
     /** @type {(() => void)[]} */
@@ -47,10 +47,9 @@ class SlowPage {
     try {
       const row = (this.shared.scenario = await changed());
       const blocked = Uint8Array.from(row, (square) => "_X".indexOf(square));
-      this.info = {
-        ...this.info,
-        obstacles: /** @type {any} */ (rectanglesOf({ width, height: 1, blocked })),
-      };
+      const obstacles = /** @type {any} */ (rectanglesOf({ width, height: 1, blocked }));
+      this.info = { ...this.info, obstacles };
+      this.shown = row; // as a new battle shows its map
       return true;
     } catch {
       return false;
@@ -87,4 +86,27 @@ test("a stroke that begins while the engine works on another one keeps that", as
   await page.answer();
   await page.answer();
   assert.deepEqual([page.map, page.shown, painter.past.length], ["___XX", "___XX", 3]);
+});
+
+test("after an undo, the map has the strokes that came after it", async () => {
+  const page = new SlowPage(),
+    painter = new Painter(/** @type {any} */ (page));
+  painter.finish([1, 0]);
+  painter.undo();
+  painter.finish([4, 0]);
+  await page.answer();
+  assert.deepEqual([page.map, page.shown], ["_____", "____X"]);
+  await page.answer();
+  assert.deepEqual([page.map, page.shown, painter.past], ["____X", "____X", ["_____"]]);
+});
+
+// The map without the stroke was sent, and its battle began anew.
+test("a stroke on a map of another size than the new one is forgotten", async () => {
+  const page = new SlowPage(),
+    painter = new Painter(/** @type {any} */ (page));
+  painter.extend([1, 0], [2, 0]);
+  page.info = { ...page.info, width: width + 1 };
+  painter.finish([3, 0]);
+  await page.queue;
+  assert.deepEqual([page.answers.length, page.shown, painter.past], [0, "______", []]);
 });
