@@ -1,5 +1,5 @@
 // @ts-check
-// Brush: the squares that a drawing tool covers, and maps that are drawn on.
+// Brush: tool and size with which a person draws on a map, the squares that they cover, and the drawn map.
 
 import { all, byId } from "./dom.js";
 import { clamp } from "./numbers.js";

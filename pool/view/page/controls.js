@@ -1,6 +1,6 @@
 // @ts-check
-// Controls: what mouse and fingers do on the map. A finger draws boxes like the left button; two move the
-// map.
+// Controls: what mouse and fingers do on the map. One finger drags like the left button, and what that does is
+// the page's choice; two fingers move the map.
 
 /** @typedef {[number, number]} At */
 /** @import { Rectangle } from "./selection.js" */
@@ -8,8 +8,8 @@
  * What the page does. A tap that is a second one at the same place within a moment is double.
  * @typedef {object} Handlers
  * @property {(at: At, how: { add: boolean, isDouble: boolean, isTouch: boolean }) => void} tap
- * @property {(box: Rectangle) => void} draw A box is drawn.
- * @property {(box: Rectangle | null, add: boolean) => void} box It is complete; or none, if it was given up.
+ * @property {(box: Rectangle) => void} draw A drag goes on: its corners are where it began and is.
+ * @property {(box: Rectangle | null, add: boolean) => void} box The drag is over; null if it was given up.
  * @property {(at: At) => void} [command] What the right button does in place of a menu.
  * @property {(dx: number, dy: number) => void} move
  * @property {(factor: number, at: At) => void} zoom
@@ -17,7 +17,7 @@
  * @property {() => void} leave
  */
 
-/** Pixels that a pointer moves at least when it draws a box. */
+/** Pixels that a pointer moves at least when it drags. */
 const LEAST_DRAG = { mouse: 4, touch: 12 };
 /** Milliseconds and pixels between two taps that are a double one. */
 const DOUBLE_WITHIN = 350;
@@ -53,7 +53,7 @@ export class Controls {
     this.now = now;
     /** @type {Map<number, At>} Where each pressed pointer is. */
     this.pressed = new Map();
-    /** @type {{ from: At, isBox: boolean, isTouch: boolean } | null} What may become a tap or a box. */
+    /** @type {{ from: At, isBox: boolean, isTouch: boolean } | null} What may become a tap or a drag. */
     this.drag = null;
     /** Whether the map is moved, until all pointers are released. */
     this.moves = false;
@@ -135,7 +135,7 @@ export class Controls {
     if (!this.pressed.size) this.moves = false;
   }
 
-  /** Draws no box. */
+  /** Ends a drag that the page is to forget. */
   giveUp() {
     if (this.drag?.isBox) this.handlers.box(null, false);
     this.drag = null;

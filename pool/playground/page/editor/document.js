@@ -24,10 +24,10 @@ import { readMap } from "./squares.js";
  * @returns {value is number}
  */
 export const isNumber = (value) => Number.isFinite(value);
-/** Names of unit types that the program saves, as target.rs has them, and the same in words. */
+/** Names of unit types: those that target.rs saves, but for names of files; and the same in words. */
 export const UNIT_NAME = /^(?!.*\.json$)[\w-][\w.-]{0,99}$/i;
 export const NAME_RULE =
-  "use 1 to 100 letters, digits, _, - and ., which cannot be first, without .json at the end";
+  "use 1 to 100 letters, digits, `_`, `-` and `.`; it must not begin with `.` or end with `.json`";
 /** @param {string} key */
 export const stemOf = (key) => key.replace(/^.*\//, "").replace(/\.json$/, "");
 

@@ -122,8 +122,8 @@ export function iconButton(name, title, click) {
 export const fieldKey = (unit, path) => `${unit}:${JSON.stringify(path)}`;
 
 /**
- * A kind of input: how it is made, what value it has, and how it shows one of the file. `value` is undefined if
- * it is empty.
+ * A kind of input: how it is made, what value it has, and how it shows one of the file. `value` is undefined
+ * if it is empty.
  * @typedef {{ make: (options: FieldOptions) => any, value: (input: any) => any,
  *   show: (input: any, value: any) => void }} InputKind
  */

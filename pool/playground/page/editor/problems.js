@@ -127,8 +127,10 @@ export class Checker {
    */
   unsaved() {
     const { doc, store } = this.page;
-    const refused = ({ name = "", keys = [""] }) => store.target && !keys.length && !UNIT_NAME.test(name);
-    return doc.units.filter(refused).map(({ name }) => ({
+    if (!store.target) return [];
+    // Those that were added have no keys of the file yet.
+    const refused = doc.units.filter(({ name, keys }) => !keys.length && !UNIT_NAME.test(name));
+    return refused.map(({ name }) => ({
       file: `${name}.json`,
       line: null,
       column: null,
