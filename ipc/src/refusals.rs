@@ -2,6 +2,7 @@
 //! its turn among the batches. Further ones would push batches out of the learner's queue, which has room for
 //! one: they wait here until the learner has read that one and asks for them through the control socket.
 
+use crate::wire::rejection_of;
 use serde::{Deserialize, Serialize};
 use smaclite_pool::Rejection;
 use smaclite_pool::transport::{Epoch, RequestNumber};
@@ -37,21 +38,24 @@ impl Refusals {
         Refusals { unread: Arc::default(), limit: num_envs }
     }
 
-    /// Whether a refusal is to be sent as a frame. Otherwise it waits.
-    pub(crate) fn is_first(&self, epoch: Option<Epoch>, request: RequestNumber, text: &[u8]) -> bool {
+    /// Lets a refusal wait until it is asked for; `false` for the first one, which is to be sent as a frame.
+    pub(crate) fn keep_unless_first(
+        &self,
+        epoch: Option<Epoch>,
+        request: RequestNumber,
+        text: &[u8],
+    ) -> bool {
         let mut unread = self.unread.lock().unwrap_or_else(PoisonError::into_inner);
         if unread.sent != epoch {
             // What was refused in an earlier epoch is over.
             *unread = Unread { sent: epoch, waiting: VecDeque::new() };
-            return true;
+            return false;
         }
-        if let Ok(rejection) = serde_json::from_slice(text) {
-            unread.waiting.push_back(Refusal { request: request.0, rejection });
-        }
+        unread.waiting.push_back(Refusal { request: request.0, rejection: rejection_of(text) });
         if unread.waiting.len() > self.limit {
             unread.waiting.pop_front();
         }
-        false
+        true
     }
 
     /// The learner has read the one that was sent: those that wait.

@@ -107,7 +107,7 @@ unsafe impl Outlet for FrameOutlet {
 
     fn publish(&mut self, mut loan: FrameLoan, epoch: Option<Epoch>, content: FrameContent) {
         if let FrameContent::Rejection { request: Some(request), len } = content
-            && !self.refusals.is_first(epoch, request, &Self::payload(&mut loan)[..len])
+            && self.refusals.keep_unless_first(epoch, request, &Self::payload(&mut loan)[..len])
         {
             return;
         }

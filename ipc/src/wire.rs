@@ -78,9 +78,13 @@ pub fn read_frame(header: &FrameHeader, payload: &[u8], layout: &Layout) -> Opti
         return Some(ReceivedFrame::Batch);
     }
     let text = payload.get(..header.rejection_len as usize).unwrap_or_default();
-    let rejection = serde_json::from_slice(text)
-        .unwrap_or_else(|_| Rejection::Malformed { what: String::from_utf8_lossy(text).into_owned() });
-    Some(ReceivedFrame::Rejection { request: number(header.request), rejection })
+    Some(ReceivedFrame::Rejection { request: number(header.request), rejection: rejection_of(text) })
+}
+
+/// A rejection by its text. One that was cut is told as it is.
+pub(crate) fn rejection_of(text: &[u8]) -> Rejection {
+    let cut = || Rejection::Malformed { what: String::from_utf8_lossy(text).into_owned() };
+    serde_json::from_slice(text).unwrap_or_else(|_| cut())
 }
 
 /// The frames, first to last, that are missing between frame `last`, if there was one, and frame `next`.

@@ -4,6 +4,7 @@ use super::AttachedLane;
 use super::error::ClientError;
 use crate::CHECK_INTERVAL;
 use crate::batch::Batch;
+use crate::control::client::{ControlSocketError, RESPONSE_TIMEOUT};
 use crate::control::protocol::{ControlError, ControlRequest, ControlResponse};
 use crate::services::{FrameSample, doing};
 use crate::wait_options::WaitOptions;
@@ -40,15 +41,19 @@ impl AttachedLane {
     fn wait_for_refusal(
         &mut self,
         begin: Instant,
-        wait: &WaitOptions<'_>,
+        wait: &mut WaitOptions<'_>,
     ) -> Result<Option<FrameSample>, ClientError> {
-        let timeout = wait.timeout.map_or(REFUSAL_TIMEOUT, |timeout| timeout.min(REFUSAL_TIMEOUT));
         loop {
             let received = self.receive()?;
             // In this process it is refused when it is sent.
             let is_possible = self.local.is_none() && self.outstanding.results() > 0;
+            let longest = if self.may_be_more { RESPONSE_TIMEOUT } else { REFUSAL_TIMEOUT };
+            let timeout = wait.timeout.map_or(longest, |timeout| timeout.min(longest));
             if received.is_some() || !is_possible || begin.elapsed() >= timeout {
                 return Ok(received);
+            }
+            if (wait.interrupted)() {
+                return Err(ClientError::Interrupted);
             }
             std::thread::sleep(Duration::from_millis(1));
         }
@@ -140,18 +145,24 @@ impl AttachedLane {
         }
     }
 
-    /// The next request that was refused. One refusal arrives as a frame, and those after it at once, on the
-    /// control socket.
+    /// The next request that was refused. One refusal arrives as a frame, and those after it on the control
+    /// socket, where this asks for them without waiting: the next call reads the response.
     fn next_refused(&mut self) -> Result<Option<(RequestNumber, Rejection)>, ClientError> {
-        while self.may_be_more {
-            let response = self.control.repeat(&ControlRequest::ReadRefusals, WaitOptions::for_response());
-            let (response, is_late) = response.map_err(ClientError::of_socket)?;
-            let ControlResponse::Refusals { refusals } = response else {
-                return Err(ControlError::unexpected(&response).into());
-            };
-            let refusals = refusals.into_iter();
-            self.refused.extend(refusals.map(|refusal| (RequestNumber(refusal.request), refusal.rejection)));
-            self.may_be_more = is_late;
+        while self.refused.is_empty() && self.may_be_more {
+            match self.control.repeat(&ControlRequest::ReadRefusals, WaitOptions::no_wait()) {
+                Ok((ControlResponse::Refusals { refusals }, is_late)) => {
+                    let refusals = refusals.into_iter();
+                    let refusals =
+                        refusals.map(|refusal| (RequestNumber(refusal.request), refusal.rejection));
+                    self.refused.extend(refusals);
+                    self.may_be_more = is_late;
+                }
+                Ok((response, _)) => return Err(ControlError::unexpected(&response).into()),
+                Err(ControlSocketError::Silent { .. }) => break,
+                // What it sent before it ended is still received.
+                Err(ControlSocketError::Gone { .. }) => self.may_be_more = false,
+                Err(error) => return Err(ClientError::of_socket(error)),
+            }
         }
         Ok(self.refused.pop_front())
     }
