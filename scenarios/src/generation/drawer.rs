@@ -15,9 +15,9 @@
 use super::place::{Placer, exact};
 use crate::{Drawn, DrawnTeams, Faction, Generation, Scenario, Starts, Teams};
 
-/// How often the start positions of an episode are drawn at most. Only a few of a thousand draws of an
-/// accepted scenario leave a unit without room.
-const MOST_ATTEMPTS: usize = 1000;
+/// How often the units of an episode are drawn at most. A scenario is refused if a unit of its samples has no
+/// room, so most need one draw.
+const MAX_DRAWS: usize = 16;
 
 /// Draws the units of the episodes of a scenario.
 #[derive(Clone, Debug)]
@@ -71,21 +71,22 @@ impl Drawer {
     /// Moves units that have no room to the nearest free places, and gives the allies their numbers: by the
     /// name of their type, then from west to east, then from south to north. The enemies keep their order.
     ///
-    /// Where a unit has no room, which is rare, since it is refused in the samples of a scenario, the start
-    /// positions of all are drawn again.
+    /// Where a unit has no room, all are drawn again; a unit that has none in the last draw stays where it was
+    /// drawn.
     pub fn place(&self, share: &mut dyn FnMut() -> f64, teams: &mut DrawnTeams) {
-        for _ in 0..MOST_ATTEMPTS {
-            if self.placer.spread(teams) {
-                break;
+        for _ in 1..MAX_DRAWS {
+            if self.has_room(teams) {
+                return self.number(&mut teams.allies);
             }
-            self.draw_starts(share, teams);
+            self.draw(share, teams);
         }
+        self.placer.spread(teams, true);
         self.number(&mut teams.allies);
     }
 
     /// Gives the units places, up to the first one without room. Whether all have room.
     pub(crate) fn has_room(&self, teams: &mut DrawnTeams) -> bool {
-        self.placer.spread(teams)
+        self.placer.spread(teams, false)
     }
 
     /// Gives allies their numbers.

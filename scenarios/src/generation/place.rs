@@ -54,20 +54,27 @@ impl Placer {
         }
     }
 
-    /// Gives the units places in their order, up to the first one without room. Whether all have room.
-    pub(crate) fn spread(&self, teams: &mut DrawnTeams) -> bool {
+    /// Gives the units places in their order: `all` that have room, or those before the first one without.
+    /// Whether all have room.
+    pub(crate) fn spread(&self, teams: &mut DrawnTeams, all: bool) -> bool {
         let DrawnTeams { allies, enemies } = teams;
-        let mut search = Search::default();
+        let (mut search, mut has_room) = (Search::default(), true);
         let n_allies = allies.len();
-        (0..n_allies + enemies.len()).all(|unit| {
+        for unit in 0..n_allies + enemies.len() {
             let (side, others, unit, east) = match unit.checked_sub(n_allies) {
                 None => (&mut *allies, &[][..], unit, 1.0),
                 Some(unit) => (&mut *enemies, &allies[..], unit, -1.0),
             };
             let (before, rest) = side.split_at_mut(unit);
-            let place = self.find(rest[0], east, before, others, &mut search);
-            place.map(|place| rest[0].position = place).is_some()
-        })
+            match self.find(rest[0], east, before, others, &mut search) {
+                Some(place) => rest[0].position = place,
+                None => has_room = false,
+            }
+            if !has_room && !all {
+                break;
+            }
+        }
+        has_room
     }
 
     /// Orders allies by the name of their type, then from west to east, then from south to north.
