@@ -1,7 +1,7 @@
 //! What a run is resumed from, `checkpoint.safetensors`.
 //!
 //! A resumed run continues with the same bits. So a checkpoint has the networks and their optimisers and the
-//! statistics of the returns, and snapshots of all environments; and the run that it is of, as `run.json`.
+//! statistics of the returns, snapshots of all environments, and the description of its run, as in `run.json`.
 
 use crate::adam::Adam;
 use crate::description::RunDescription;
@@ -147,7 +147,7 @@ fn check_run(arrays: &Arrays, run: &RunDescription) -> Result<(), FileError> {
     let given = given.map_err(|why| arrays.damaged(format!("`{RUN}`: {why}")))?;
     match given.differences(run, &["steps"]) {
         differences if differences.is_empty() => Ok(()),
-        differences => Err(arrays.other_run(format!("it is of one that differs in {differences}"))),
+        differences => Err(arrays.other_run(format!("it is of a run that differs in {differences}"))),
     }
 }
 

@@ -165,8 +165,11 @@ impl RunDescription {
     pub(crate) fn differences(&self, expected: &RunDescription, besides: &[&str]) -> String {
         let of_maps = self.setups().zip(expected.setups()).map(|(given, expected)| {
             let source = expected.files.source.clone(); // where a file was is no difference
-            let files = ScenarioFiles { source, ..given.files.clone() };
-            BattleSetup { files, ..given.clone() }.differences(expected)
+            let files = ScenarioFiles { source: source.clone(), ..given.files.clone() };
+            match (BattleSetup { files, ..given.clone() }).differences(expected) {
+                part if part.is_empty() || self.map_count() == 1 => part,
+                part => format!("{part} of map `{source}`"),
+            }
         });
         let mut parts: Vec<String> = of_maps.filter(|part| !part.is_empty()).collect();
         let [given, expected] = [self, expected].map(|run| {
@@ -223,7 +226,12 @@ impl RunDescription {
         let given =
             Some(&self.setup).filter(|setup| setup.opponents != Opponents::of(&setup.files, setup.sides));
         let opponents = trained.or(given).unwrap_or(&map).opponents.clone();
-        RunDescription::checked(self.config.clone(), BattleSetup { opponents, ..map })
+        self.of_map(BattleSetup { opponents, ..map })
+    }
+
+    /// The team on one map.
+    fn of_map<E: From<ConfigError> + From<Problems>>(&self, map: BattleSetup) -> Result<RunDescription, E> {
+        RunDescription::checked(Config { map_weights: Vec::new(), ..self.config.clone() }, map)
     }
 
     /// What the team was trained on: its first map and the others.
@@ -242,7 +250,7 @@ impl RunDescription {
     /// If a scenario is not valid, or the networks do not know its observations.
     pub fn on_each_map(&self) -> Result<Vec<RunDescription>, OtherMap> {
         let one = |setup: &BattleSetup| {
-            let run = RunDescription::checked::<OtherMap>(self.config.clone(), setup.clone())?;
+            let run = self.of_map::<OtherMap>(setup.clone())?;
             Ok(RunDescription { former_steps: self.former_steps.clone(), ..run })
         };
         self.setups().map(one).collect()
@@ -258,7 +266,7 @@ impl RunDescription {
             return Ok(self);
         }
         check_equal_sides(folder, &setup.files.scenario()?)?;
-        RunDescription::checked(self.config, setup.clone())
+        self.of_map(setup.clone())
     }
 
     /// What the lanes of the run play, on its first map.

@@ -141,8 +141,9 @@ impl Run {
         Run::begin_beside(None, folder, config, maps, threads)
     }
 
-    /// The same beside the run in the folder `other`, which has the same configuration but for its seed. If
-    /// a team plays the enemies, it is the one that `other` has a copy of: its own run may have gone on.
+    /// The same; with `other`, beside the run in that folder, which has the same configuration but for its
+    /// seed. If a team plays the enemies, it is then the one that `other` has a copy of: its own run may have
+    /// gone on.
     pub(crate) fn begin_beside(
         other: Option<&Path>,
         folder: &Path,

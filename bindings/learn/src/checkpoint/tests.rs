@@ -162,7 +162,7 @@ fn a_checkpoint_of_another_run_is_refused() {
         let error = read_checkpoint(&path, &own).err().map(|error| error.to_string());
         assert_eq!(error.is_some(), expected.is_some(), "{error:?}");
         if let (Some(error), Some(expected)) = (error, expected) {
-            let expected = format!("does not fit the run: it is of one that differs in {expected}");
+            let expected = format!("does not fit the run: it is of a run that differs in {expected}");
             assert!(error.contains("checkpoint.safetensors") && error.contains(&expected), "{error}");
         }
     }

@@ -76,6 +76,11 @@ fn a_resumed_run_on_several_maps_has_the_same_bits_on_any_number_of_threads() {
     let resumed = lanes(&place, &setups, &config, 1);
     complete(Run::resume_on_maps(&place.path("resumed"), None, resumed, 1).unwrap());
     assert_eq!(place.outcome("resumed"), place.outcome("whole"));
+    // With the weights of three maps, the team on one of them could not be pickled.
+    let team = TrainedTeam::open_on(&place.path("whole"), None, setups[1].clone()).unwrap();
+    let (run, params) = team.parts();
+    let again = TrainedTeam::from_parts(&run, params.to_vec()).expect("a team");
+    assert_eq!((again.run().name.as_str(), again.parts().1), ("2s3z", params));
     let resume =
         |lanes| Run::resume_on_maps(&place.path("resumed"), None, lanes, 1).err().unwrap().to_string();
     let one = Lanes::start(&setups[0], 12, 0, 1, &place.runtime_dir).unwrap();
