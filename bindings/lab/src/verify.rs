@@ -55,11 +55,11 @@ impl std::fmt::Display for Difference {
 pub enum VerifyError {
     #[error(transparent)]
     File(#[from] FileError),
-    #[error("`{folder}` has no evaluations, as its training made none (`evaluate_every`)")]
+    #[error("`{folder}` has no evaluations; `train --evaluate-every N` makes them")]
     NoEvaluations { folder: String },
     #[error(
-        "`{folder}` has no final episodes (final.json), as it is not complete: verify some of its \
-         evaluations, or resume it until its end"
+        "`{folder}` has no final episodes (final.json), as it is not complete: verify its evaluations with \
+         --evaluations sample or all, or resume it until its end"
     )]
     NotComplete { folder: String },
     #[error("`{folder}` is not verified: {mismatch}")]

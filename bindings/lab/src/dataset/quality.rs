@@ -33,8 +33,9 @@ smaclite_units::keywords!(
 #[allow(missing_docs)] // the messages say it
 pub enum QualityError {
     #[error(
-        "{folder}: the run has no evaluations in evaluations.csv, so its qualities are unknown; name no \
-         quality to record its best or last weights, or train with evaluations (`evaluate_every`)"
+        "{folder}: the run has no evaluations in evaluations.csv, so its qualities are unknown; leave \
+         --quality out to record the weights that `evaluate` plays, or train with --evaluate-every for \
+         weights of several qualities"
     )]
     NoEvaluations { folder: String },
     #[error("{folder}: no evaluation won a battle, so no weights are good; train for longer")]

@@ -288,10 +288,7 @@ fn the_weights_of_evaluations_are_recorded_by_their_quality() {
     };
     assert_eq!(names(&record(None).unwrap()), ["run/weights.safetensors"]);
     let error = record(Some(Quality::Good)).unwrap_err().to_string();
-    assert!(
-        error.contains("the run has no evaluations") && error.contains("name no quality to record"),
-        "{error}"
-    );
+    assert!(error.contains("the run has no evaluations") && error.contains("leave --quality out"), "{error}");
 
     write_evaluations(folder.path(), &[(100, 0.25), (200, 0.5)]);
     let [good, medium] = [Quality::Good, Quality::Medium].map(|quality| record(Some(quality)).unwrap());

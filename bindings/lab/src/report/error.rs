@@ -15,8 +15,8 @@ pub enum ReportError {
     )]
     NoRuns(PathBuf),
     #[error(
-        "`{}` has no evaluations: expected evaluations.csv, which a training writes that is evaluated \
-         (`evaluate_every`)", .0.display()
+        "`{}` has no evaluations: expected evaluations.csv, as `smaclite-pool train --evaluate-every N` \
+         writes it", .0.display()
     )]
     NoEvaluations(PathBuf),
     #[error(

@@ -156,12 +156,14 @@ pub enum TournamentError {
     OnlyMarches,
     #[error("no player is a trained team, so the scenario must be named")]
     NoScenario,
-    #[error("`{folder}` was trained in {given}, but {expected} is played; they differ in {differences}")]
-    OtherScenario { folder: String, given: String, expected: String, differences: String },
+    #[error(
+        "`{folder}` was trained in {given}, but {expected} is played; they differ in {differences}{hint}"
+    )]
+    OtherScenario { folder: String, given: String, expected: String, differences: String, hint: &'static str },
     #[error(
         "the sides of {name} differ ({n_agents} agents, {n_enemies} enemies), so a team that was trained \
-         with its agents cannot play its enemies; here only scripts play against each other, and a team \
-         plays against scripts in evaluations"
+         with its agents cannot play its enemies; here only scripts play against each other, and \
+         `smaclite-pool evaluate --opponent` plays a team against a script"
     )]
     Asymmetric { name: String, n_agents: usize, n_enemies: usize },
     #[error("a trained team plays the enemies, too: {0}")]
@@ -264,11 +266,11 @@ impl Tournament {
                 let (folder, given) = (folder.clone(), run.name.clone());
                 let expected = scenario.name;
                 let hint = match run.config.network {
-                    NetworkKind::Universal => "; adapted to this map, it is a team of it, too",
+                    NetworkKind::Universal => "; `smaclite-pool adapt` writes it as a team of another map",
                     NetworkKind::Flat | NetworkKind::Units => "",
                 };
-                let differences = of_run.differences(&played) + hint;
-                return Err(TournamentError::OtherScenario { folder, given, expected, differences });
+                let differences = of_run.differences(&played);
+                return Err(TournamentError::OtherScenario { folder, given, expected, differences, hint });
             }
         }
         Ok(setup)

@@ -117,7 +117,7 @@ fn recorded_evaluations_are_played_again_to_the_bit() {
 
     place.train("without", &small(), 1);
     let error = verify(&place.path("without"), 1, 1, &mut || false).unwrap_err().to_string();
-    assert!(error.contains("has no evaluations, as its training made none"), "{error}");
+    assert!(error.contains("has no evaluations; `train --evaluate-every N` makes them"), "{error}");
 }
 
 /// A text without the lines that begin so.
