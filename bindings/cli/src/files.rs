@@ -57,8 +57,8 @@ pub(crate) fn write_file<E: Error + From<io::Error> + 'static>(
     Ok(write_whole(path, write).map_err(|error| format!("{}: {error}", path.display()))?)
 }
 
-/// Writes files, names with contents, to a folder: all or none, also where the disk is full before the last.
-/// Each is complete before the next begins, and replaces an old one after the next has done so.
+/// Writes files, names with contents, to a folder: none where the disk is full before the last. Each is
+/// complete before the next begins, and replaces an old one after the next has done so.
 pub(crate) fn write_files(folder: &Path, files: &[(impl AsRef<Path>, impl AsRef<[u8]>)]) -> CommandResult {
     let [(name, content), others @ ..] = files else { return Ok(()) };
     let path = folder.join(name);

@@ -29,7 +29,7 @@ impl Man {
     }
 }
 
-/// Writes the pages when all of them exist: a full disk leaves the folder as it was.
+/// Writes the pages when all of them exist: a full disk changes no page in the folder.
 fn write_pages(program: clap::Command, folder: &Path) -> CommandResult {
     let made = tempfile::tempdir()?;
     clap_mangen::generate_to(program, &made)?;

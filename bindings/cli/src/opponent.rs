@@ -21,7 +21,6 @@ pub(super) enum OpponentOption {
     League,
 }
 
-/// A text that is none of them.
 /// Why a text names no scripts. The messages of [`OpponentsError`] name `learner` too.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum ScriptsError {
@@ -44,6 +43,7 @@ fn scripts_by_name() -> Vec<&'static str> {
     Opponent::scripts().map(Opponent::name).collect()
 }
 
+/// A text that is none of them.
 #[derive(Debug, thiserror::Error)]
 pub(super) enum OpponentOptionError {
     #[error("{0}; and there is no folder of that name with a run")]
