@@ -28,8 +28,8 @@ fn a_snapshot_of_another_rule_set_is_an_error() {
     }
 }
 
-/// Snapshots name their scenario by a hash of what it consists of, as text. A change of the hash refuses what users
-/// stored: where it cannot be left out, raise `RECORD_VERSION`, so that the error says why.
+/// Snapshots name their scenario by a hash of what it consists of, as text. A change of the hash refuses what
+/// users stored: where it cannot be left out, raise `RECORD_VERSION`, so that the error says why.
 #[test]
 fn the_hashes_of_standard_scenarios_stay() {
     let mut all = Xxh3::new();

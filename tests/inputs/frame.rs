@@ -54,7 +54,8 @@ fn read_all_fields(layout: &Layout, payload: &[u8]) {
         let elements = match field.spec().dtype {
             Dtype::F32 => layout.view::<f32>(bytes, field).map(<[f32]>::len),
             Dtype::I32 => layout.view::<i32>(bytes, field).map(<[i32]>::len),
-            _ => layout.view::<u8>(bytes, field).map(<[u8]>::len),
+            Dtype::U8 | Dtype::Bool => layout.view::<u8>(bytes, field).map(<[u8]>::len),
+            other => panic!("a batch has no {other:?}"),
         };
         assert_eq!(elements, Some(layout.slots() * layout.row_len(field)));
     }
