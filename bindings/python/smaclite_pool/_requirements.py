@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import inspect
 import operator
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from difflib import get_close_matches
 from functools import wraps
 from typing import Any, TypeVar, cast
@@ -14,17 +13,6 @@ from ._native import Envs
 from ._spec import LaneSpec
 from ._wrapper import Wrapper
 from .errors import InvalidRequest
-
-
-@contextmanager
-def extra(name: str) -> Iterator[None]:
-    """Names the extra to install if an import in this block fails for a missing package."""
-    try:
-        yield
-    except ModuleNotFoundError as error:
-        install = f"install it with: pip install 'smaclite-pool[{name}]'"
-        raise ModuleNotFoundError(f"{error.msg}; {install}", name=error.name, path=error.path) from None
-
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 

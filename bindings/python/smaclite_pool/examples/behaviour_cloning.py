@@ -24,8 +24,7 @@ from typing import Any
 import numpy as np
 import smaclite_pool as sp
 from numpy.typing import NDArray
-from smaclite_pool._requirements import extra
-from smaclite_pool.examples.options import COUNT, SMALL, one_line_errors, option, parsed, parser_of
+from smaclite_pool.examples.options import COUNT, SMALL, extra, one_line_errors, option, parsed, parser_of
 from smaclite_pool.examples.ppo import Mlp, log_probabilities, sampled
 
 with extra("torch"):

@@ -27,7 +27,7 @@ from typing import Any
 
 import smaclite_pool as sp
 from smaclite_pool import compat
-from smaclite_pool._requirements import extra
+from smaclite_pool.examples.options import extra
 from smaclite_pool.marl.epymarl import PoolRunner
 
 # Imported by name, so that types can be checked without them.

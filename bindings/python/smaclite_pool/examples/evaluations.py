@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 import smaclite_pool as sp
-from smaclite_pool._requirements import extra
+from smaclite_pool.examples.options import extra
 
 with extra("torch"):
     import torch

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import smaclite_pool as sp
+from smaclite_pool._extra import extra as extra  # for the examples
 
 Range = tuple[float, float]
 
@@ -19,9 +20,12 @@ COUNT: Range = (1, 1_000_000)
 STEPS: Range = (1, 2**48)
 SEED: Range = (0, 2**64 // 1_000_000 - 2)
 """Of runs that seed their environments with a million times the seed."""
+ANY_SEED: Range = (0, 2**64 - 1)
 SHARE: Range = (0, 1)
 SMALL: Range = (1e-12, 1)
 """Step sizes, which are above 0."""
+
+DEFAULT = " (default: %(default)s)"
 
 
 def option(
@@ -33,8 +37,10 @@ def option(
     numbers: bool = False,
 ) -> Any:
     """A field of the dataclass. What is given must be one of `choices`, a number `within` a range, or
-    `numbers` with commas, the widths of layers; the default can be anything."""
-    help_text = {"help": f"{text} (default: %(default)s)", "choices": choices}
+    `numbers` with commas, the widths of layers; the default can be anything. Without one (None), which needs
+    `text` to say what happens then, it is a whole number."""
+    by_default = "" if default is None else DEFAULT
+    help_text = {"help": text + by_default, "choices": choices}
     return field(default=default, metadata={"argument": help_text, "within": within, "numbers": numbers})
 
 
@@ -44,9 +50,11 @@ def parser_of(options: Any, description: str | None, first: str) -> argparse.Arg
     parser = argparse.ArgumentParser(description=description, formatter_class=keep_lines)
     of_first, *others = fields(options)
     required: Any = {} if of_first.default == "" else {"nargs": "?", "default": of_first.default}
-    parser.add_argument(of_first.name, help=first, **required)
+    by_default = DEFAULT if required else ""
+    parser.add_argument(of_first.name, help=first + by_default, **required)
     for each in others:
-        kind, argument = type(each.default), each.metadata["argument"]
+        kind = int if each.default is None else type(each.default)
+        argument = each.metadata["argument"]
         if kind is bool:
             parser.add_argument(_flag(each.name), action="store_true", help=argument["help"])
         else:

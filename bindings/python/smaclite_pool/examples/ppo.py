@@ -33,7 +33,6 @@ from typing import Any
 import numpy as np
 import smaclite_pool as sp
 from numpy.typing import NDArray
-from smaclite_pool._requirements import extra
 from smaclite_pool.examples import units_network
 from smaclite_pool.examples.evaluations import Clock, Evaluations, Log, recent
 from smaclite_pool.examples.options import (
@@ -41,6 +40,7 @@ from smaclite_pool.examples.options import (
     SHARE,
     SMALL,
     STEPS,
+    extra,
     one_line_errors,
     option,
     parsed,

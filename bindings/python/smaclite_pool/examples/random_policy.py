@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import smaclite_pool as sp
-from smaclite_pool.examples.options import SEED, one_line_errors, option, parsed, parser_of
+from smaclite_pool.examples.options import ANY_SEED, one_line_errors, option, parsed, parser_of
 
 
 @dataclass(frozen=True)
@@ -20,8 +20,8 @@ class Options:
     scenario: str = "2s3z"
     num_envs: int = option(64, "environments stepped at once", within=(1, 65_536))
     seconds: float = option(5.0, "how long to play", within=(0, 1e6))
-    threads: int = option(0, "threads of the pool; 0: as many as there are cores", within=(0, 1024))
-    seed: int = option(1, "of environments and policy", within=SEED)
+    threads: int | None = option(None, "of the pool, by default as many as there are cores", within=(1, 1024))
+    seed: int = option(1, "of environments and policy", within=ANY_SEED)
 
 
 def play(envs: sp.Envs, seconds: float, seed: int) -> None:
@@ -52,7 +52,7 @@ def play(envs: sp.Envs, seconds: float, seed: int) -> None:
 def main() -> None:
     options = Options(**parsed(parser_of(Options, __doc__, "a standard scenario or a file"), Options))
     with one_line_errors("random_policy"):
-        with sp.make(options.scenario, options.num_envs, threads=options.threads or None) as envs:
+        with sp.make(options.scenario, options.num_envs, threads=options.threads) as envs:
             play(envs, options.seconds, options.seed)
 
 

@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 import smaclite_pool as sp
 from numpy.typing import NDArray
-from smaclite_pool._requirements import extra
-from smaclite_pool.examples.options import COUNT, SMALL, one_line_errors, option, parsed, parser_of
+from smaclite_pool.examples.options import COUNT, SMALL, extra, one_line_errors, option, parsed, parser_of
 from smaclite_pool.integrations.ray import attach, start
 
 with extra("ray"):
@@ -31,7 +30,7 @@ class Options:
     scenario: str = "2s_vs_1sc"
     num_envs: int = option(32, "environments per lane", within=(1, 65_536))
     lanes: int = option(1, "rollout actors per node", within=(1, 1024))
-    threads: int = option(0, "worker threads per node; 0: its cores - 1", within=(0, 1024))
+    threads: int | None = option(None, "worker threads per node, by default its cores - 1", within=(1, 1024))
     steps: int = option(64, "steps per rollout", within=COUNT)
     updates: int = option(20, "number of policy updates", within=COUNT)
     rate: float = option(0.1, "length of a policy step", within=SMALL)
@@ -124,9 +123,9 @@ def improve(weights: Arrays, rollout: Arrays, rate: float) -> Arrays:
 
 
 def train(options: Options) -> None:
-    serve, threads = ("--autoreset-mode", "SameStep"), options.threads or None
+    serve = ("--autoreset-mode", "SameStep")
     with start(
-        options.scenario, options.num_envs, lanes=options.lanes, threads=threads, serve=serve
+        options.scenario, options.num_envs, lanes=options.lanes, threads=options.threads, serve=serve
     ) as fleet:
         rollouts = fleet.spawn(Rollout, options.steps)
         sizes = ray.get(rollouts[0].sizes.remote())

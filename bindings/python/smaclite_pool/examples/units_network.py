@@ -29,7 +29,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import smaclite_pool as sp
-from smaclite_pool._requirements import extra
+from smaclite_pool.examples.options import extra
 from smaclite_pool.types import LayoutPart, Scenario
 
 with extra("torch"):

@@ -32,8 +32,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .. import _native
+from .._extra import extra
 from .._native import Batch, Envs, scenarios
-from .._requirements import extra, require_integer
+from .._requirements import require_integer
 from ..errors import InvalidRequest
 from ._common import ENEMY_OBSERVATION_KEYS, INFO_FIELDS, OBSERVATION_KEYS, check_keywords
 

@@ -39,6 +39,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .._extra import extra
 from .._native import Batch, Envs, Renderer, make, scenarios
 from .._render import (
     RENDER_FPS,
@@ -48,7 +49,7 @@ from .._render import (
     Picture,
     check_rendering,
 )
-from .._requirements import extra, require_integer, require_names, require_synchronous
+from .._requirements import require_integer, require_names, require_synchronous
 from ..errors import InvalidRequest
 from ._common import (
     FIXED_SETTINGS,

@@ -37,9 +37,9 @@ from typing import Any
 
 import numpy as np
 
+from .._extra import extra
 from .._layout import Bounds, layout_bounds
 from .._native import DATASET_ARRAYS, Dataset, make, scenario
-from .._requirements import extra
 from ..errors import InvalidRequest
 from ._export import Arrays, complete, description, expanded, run
 

@@ -42,9 +42,9 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from .._extra import extra
 from .._layout import Bounds, field_bounds
 from .._render import RENDER_FPS, RENDER_MODES, BattleViewer, check_rendering
-from .._requirements import extra
 from ..errors import InvalidRequest
 from ._common import (
     FIXED_SETTINGS,

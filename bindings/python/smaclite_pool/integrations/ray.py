@@ -51,8 +51,8 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Any
 
+from .._extra import extra
 from .._native import Envs, connect, status
-from .._requirements import extra
 from ..errors import ConnectError, InvalidRequest, LaneTaken, NoSuchPool, PoolDied, PoolError, StartError
 from ..types import PoolStatus
 
@@ -60,7 +60,7 @@ with extra("ray"):
     import ray
     from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
-__all__ = ["Fleet", "Lane", "Supervisor", "attach", "on", "start"]
+__all__ = ["Fleet", "Lane", "attach", "on", "start"]
 
 POLL_INTERVAL = 0.05
 """Seconds between two checks while waiting."""
@@ -231,7 +231,10 @@ class Fleet:
         return [actor_class.options(scheduling_strategy=on(node)).remote(*args, **kwargs) for node in nodes]
 
     def status(self) -> dict[str, PoolStatus]:
-        """The status of each node's pool as of `smaclite_pool.status`, except nodes that have left."""
+        """The status of each node's pool as of `smaclite_pool.status`, except nodes that have left.
+
+        Raises as `smaclite_pool.status` does, and PoolDied if the actor of a node has ended.
+        """
         return _get_each({node: actor.status.remote() for node, actor in self.supervisors.items()})
 
     def stop(self) -> None:
@@ -306,8 +309,9 @@ def start(
         timeout: seconds to wait for the pools.
 
     A second call with the same name and arguments starts pools on nodes that have joined since, and leaves
-    the others running. Raises InvalidRequest for less than one lane, and StartError with the output of the
-    program; the whole fleet is stopped then.
+    the others running. Raises InvalidRequest for less than one lane, StartError with the output of the
+    program, and PoolDied if the actor of a node has ended. If a pool does not answer, the whole fleet is
+    stopped.
     """
     if lanes < 1:
         raise InvalidRequest(f"lanes must be at least 1, got {lanes}")

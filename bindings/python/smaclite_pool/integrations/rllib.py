@@ -43,10 +43,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from .._extra import extra
 from .._layout import Bounds
 from .._native import check_settings
 from .._render import RENDER_FPS, RENDER_MODES, BattleViewer, check_rendering
-from .._requirements import extra, require_integer
+from .._requirements import require_integer
 from ._common import FIXED_SETTINGS, SingleBattle, TimeStep
 
 with extra("rllib"):

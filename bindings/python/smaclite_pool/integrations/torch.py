@@ -32,8 +32,9 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from .._extra import extra
 from .._native import Batch
-from .._requirements import extra, require_names
+from .._requirements import require_names
 from ..errors import InvalidRequest
 
 with extra("torch"):

@@ -28,10 +28,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from .._extra import extra
 from .._layout import Bounds, field_bounds
 from .._native import Batch, Envs, Renderer, make
 from .._render import LaneViewer, check_rendering
-from .._requirements import extra, require_synchronous
+from .._requirements import require_synchronous
 from .._wrapper import Wrapper
 from ..errors import InvalidRequest
 from ._common import (

@@ -36,8 +36,8 @@ from typing import Any
 
 import numpy as np
 
+from .._extra import extra
 from .._native import Dataset
-from .._requirements import extra
 from ..errors import InvalidRequest
 from ._export import Arrays, complete, description, expanded, run
 

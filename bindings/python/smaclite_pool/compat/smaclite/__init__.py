@@ -9,9 +9,9 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ..._extra import extra
 from ..._layout import ScenarioLayout, field_bounds
 from ..._native import FIRST_TARGET, Envs, scenarios
-from ..._requirements import extra
 from ..._units import Unit, UnitsView
 from ...errors import InvalidRequest
 from ...integrations._common import TimeStep
