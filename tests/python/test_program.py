@@ -10,6 +10,7 @@ import subprocess
 import sys
 import sysconfig
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -76,7 +77,16 @@ def test_serve_ends_cleanly_with_ctrl_c(serve: Serve) -> None:
     assert sp.pools() == []
 
 
+@pytest.fixture
+def ctrl_c() -> Iterator[None]:
+    """Ctrl-C ends processes that the test starts, also where the tests run in the background."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
 @posix
+@pytest.mark.usefixtures("ctrl_c")
 def test_ctrl_c_ends_the_program_while_it_is_imported(tmp_path: Path) -> None:
     """It printed a traceback in the first 0.4 s."""
     (tmp_path / "numpy.py").write_text("import os, signal; os.kill(os.getpid(), signal.SIGINT)")
@@ -85,9 +95,44 @@ def test_ctrl_c_ends_the_program_while_it_is_imported(tmp_path: Path) -> None:
     for command in ([*PROGRAM, "list"], [sys.executable, str(script), "list"]):
         done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
         assert (done.returncode, done.stderr) == (-signal.SIGINT, "")
-    library = [sys.executable, "-c", "import smaclite_pool"]
+    handles = "import signal; signal.signal(signal.SIGINT, lambda *_: print('handled'))"
+    library = [sys.executable, "-c", f"{handles}; import smaclite_pool"]
     done = subprocess.run(library, env=environment, capture_output=True, text=True, check=False)
-    assert "KeyboardInterrupt" in done.stderr
+    assert done.stdout == "handled\n"
+
+
+@posix
+@pytest.mark.usefixtures("ctrl_c")
+def test_only_the_program_changes_what_ctrl_c_does_and_no_import_fails() -> None:
+    code = """
+import importlib, pathlib, signal, sys, threading
+import smaclite_pool._interrupts as module
+
+def handler(*_):
+    pass
+
+def keeps(argv, before):
+    signal.signal(signal.SIGINT, before)
+    sys.argv = argv
+    importlib.reload(module)
+    return signal.getsignal(signal.SIGINT) is before
+
+default, script = signal.default_int_handler, ["/bin/smaclite-pool", "list"]
+for argv in ([], [pathlib.Path("a.py")], [None], ["-m"], ["-m"] * 99):
+    assert keeps(argv, default), argv
+assert keeps(script, handler) and keeps(script, signal.SIG_IGN) and not keeps(script, default)
+signal.signal(signal.SIGINT, default)
+failed = []
+threading.excepthook = failed.append
+thread = threading.Thread(target=importlib.reload, args=[module])
+thread.start()
+thread.join()
+assert not failed and signal.getsignal(signal.SIGINT) is default
+del sys.argv
+importlib.reload(module)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_an_interrupted_recording_is_written_and_has_the_status_of_its_signal(
