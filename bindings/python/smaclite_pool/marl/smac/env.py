@@ -25,7 +25,7 @@ from .details import Details
 from .heuristic import Heuristic
 from .queries import Queries
 from .unavailable import Unavailable
-from .views import Views
+from .views import ViewOptions, Views
 
 _log = logging.getLogger(__name__)
 
@@ -158,7 +158,7 @@ class MultiAgentEnv(EpisodeCounts, Queries, Details):
         }
         self._battle = SingleBattle(map_name, settings)
         self._viewer = BattleViewer(self._battle.envs, *self.window_size, speed=render_speed)
-        self._views = Views(self._battle.envs, self._options)
+        self._views = Views(self._battle.envs, cast(ViewOptions, self._options))
         spec = self._battle.envs.spec
         self._options |= spec.rewards  # those of the scenario, where the options have SMAC's defaults
         self.n_agents, self.n_enemies, self.n_actions = spec.n_agents, spec.n_enemies, spec.n_actions

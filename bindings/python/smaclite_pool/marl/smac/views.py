@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
+from typing import TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,18 +12,32 @@ from ..._native import Envs
 from ..._units import UnitsView
 from ...errors import InvalidRequest
 
+__all__ = ["ViewOptions", "Views"]
+
 # The squares of `obs_pathing_grid` and `obs_terrain_height`, relative to the unit and in SMAC's order: two
 # moves to the north, south, east, west, then one move along each diagonal. Heights also include the unit's.
-__all__ = ["Views"]
-
 AROUND = np.array([(0, 4), (0, -4), (4, 0), (-4, 0), (2, 2), (-2, -2), (2, -2), (-2, 2), (0, 0)])
 N_PATHING, N_HEIGHT = 8, 9
 
 
-class Views:
-    """Observations and state of one battle with these options, which have SMAC's names."""
+class ViewOptions(TypedDict):
+    """SMAC's observation and state options, by SMAC's names."""
 
-    def __init__(self, envs: Envs, options: Mapping[str, Any]) -> None:
+    obs_all_health: bool
+    obs_own_health: bool
+    obs_last_action: bool
+    obs_pathing_grid: bool
+    obs_terrain_height: bool
+    obs_instead_of_state: bool
+    obs_timestep_number: bool
+    state_last_action: bool
+    state_timestep_number: bool
+
+
+class Views:
+    """Observations and state of one battle with these options."""
+
+    def __init__(self, envs: Envs, options: ViewOptions) -> None:
         self.layout = ScenarioLayout(envs)
         self.units = UnitsView(self.layout)
         self.options = options
