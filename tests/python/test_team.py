@@ -514,7 +514,7 @@ def test_a_team_plays_the_enemies(folder: Path) -> None:
     with (
         sp.make("5m_vs_6m", num_envs=2, sides="both") as envs,
         pytest.raises(
-            sp.errors.InvalidRequest, match="plays the enemies where they are as many as its own units"
+            sp.errors.InvalidRequest, match="plays the enemies of a scenario whose two sides have equal sizes"
         ),
     ):
         rival(envs.reset())

@@ -116,16 +116,17 @@ def evaluate(
     counts = np.zeros(spec.num_envs, np.int64)
     counted: list[tuple[int, int, float, int, bool, bool]] = []
     teams_meet = against is not None or spec.opponent_team is not None
-    has_lost = _defeats(envs)
+    counts_draws, at_limit = loses_draws(scenario(unwrapped(envs))), limit_ends(envs)
     batch = envs.reset(seed=seed)
     while True:
+        decided = batch.terminated & ~at_limit(batch)
         for slot in np.flatnonzero(batch.terminated | batch.truncated):
             env = int(batch.env_id[slot])
             if counts[env] < quota[env]:
                 dead = (batch.dead_allies[slot], batch.dead_enemies[slot])
                 is_draw = dead == (spec.n_agents, spec.n_enemies)
                 won = bool(batch.battle_won[slot]) and not (is_draw and teams_meet)
-                lost = not won and has_lost(batch, slot, is_draw)
+                lost = not won and bool(decided[slot]) and (counts_draws or not is_draw)
                 result = (batch.episode_return[slot], batch.episode_length[slot], won, lost)
                 counted.append((env, int(counts[env]), *result))
             counts[env] += 1
@@ -140,16 +141,6 @@ def evaluate(
         np.array(wins, np.bool_),
         np.array(losses, np.bool_),
     )
-
-
-def _defeats(envs: Envs | Wrapper) -> Callable[[Batch, np.intp, bool], bool]:
-    """A function that says whether the agents lost an episode that ended without their victory."""
-    counts_draws, at_limit = loses_draws(scenario(unwrapped(envs))), limit_ends(envs)
-
-    def has_lost(batch: Batch, slot: np.intp, is_draw: bool) -> bool:
-        return bool((batch.terminated & ~at_limit(batch))[slot]) and (counts_draws or not is_draw)
-
-    return has_lost
 
 
 def _check(envs: Any, policy: Any, episodes: int) -> None:

@@ -95,8 +95,8 @@ class Team:
         expected = self._obs_shape
         if obs.shape[1:] != expected:
             advice = "make environments of its scenario with `**team.settings`"
-            if self.side == "enemies" and obs.shape[1] != expected[0]:
-                advice = "a team plays the enemies where they are as many as its own units"
+            if self.side == "enemies" and obs.shape[1:2] != expected[:1]:
+                advice = "a team plays the enemies of a scenario whose two sides have equal sizes"
             raise InvalidRequest(
                 f"the team of {self.name} has observations [M, {expected[0]}, {expected[1]}], got "
                 f"{list(obs.shape)}: {advice}"

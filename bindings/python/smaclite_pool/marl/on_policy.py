@@ -133,12 +133,12 @@ class ShareVecEnv:
         """
         envs = connect(pool, lane, timeout=timeout)
         needed = ["obs", "state", "avail_actions", "alive", "battle_won"]
-        if terminates_at_limit(scenario(envs)):
-            needed += ["dead_allies", "episode_length"]
         try:
+            if terminates_at_limit(scenario(envs)):
+                needed += ["dead_allies", "episode_length"]
             require_synchronous(check_one_side(envs), f"the learner of pool `{pool}`", "SameStep")
             require_fields(envs, cls.__name__, needed)
-        except InvalidRequest:
+        except BaseException:
             envs.close()
             raise
         self = cls.__new__(cls)
