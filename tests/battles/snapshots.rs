@@ -33,7 +33,7 @@ fn a_snapshot_of_another_rule_set_is_an_error() {
 #[test]
 fn the_hashes_of_standard_scenarios_stay() {
     let mut all = Xxh3::new();
-    for name in Scenario::standard_names().into_iter().chain(Scenario::generated_names()) {
+    for name in Scenario::standard_names().chain(Scenario::generated_names()) {
         let scenario = Scenario::resolve(name).expect("a standard scenario");
         for rules in Rules::ALL {
             all.update(&Arena::new(&scenario, rules).scenario_hash().to_le_bytes());

@@ -34,8 +34,8 @@ pub struct TrainedTeam {
 pub struct UnfitTeam {
     trained_in: String,
     side: &'static str,
-    expected: Sizes,
-    given: Sizes,
+    expected: Box<Sizes>,
+    given: Box<Sizes>,
 }
 
 impl TrainedTeam {
@@ -134,6 +134,7 @@ impl TrainedTeam {
             return Ok(());
         }
         let side = if side == Faction::Ally { "agents" } else { "enemies" };
+        let [expected, given] = [expected, given].map(Box::new);
         Err(UnfitTeam { trained_in: self.run.name.clone(), side, expected, given })
     }
 
