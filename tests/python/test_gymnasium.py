@@ -45,6 +45,16 @@ def test_gymnasium_accepts_one_environment(scenario: str, monkeypatch: pytest.Mo
     env.close()
 
 
+def test_a_window_shows_every_step_of_an_id(monkeypatch: pytest.MonkeyPatch) -> None:
+    shown: list[Any] = []
+    monkeypatch.setattr(Window, "show", lambda _, picture: shown.append(picture))
+    with closing(gymnasium.make("smaclite_pool/3m-v0", render_mode="human")) as env:
+        env.reset(seed=1)
+        env.step(np.ones(3, np.int64))
+        assert env.render_mode == "human" and env.render() is None
+    assert [picture.shape for picture in shown] == [(640, 640, 3)] * 3
+
+
 def test_an_id_has_one_interface() -> None:
     """Once `make` had tuples without masks, and `make_vec` of the same id a dict with masks."""
     single: Any = gymnasium.make("smaclite_pool/2s3z-v0")

@@ -93,10 +93,11 @@ def test_another_address_is_followed_and_what_is_wrong_in_it_is_named(browser: A
         assert page.tick == 0
         for theme in ("light", "dark"):
             page.page.evaluate(f"location.hash = 'theme={theme}'")
-            page.wait(lambda theme=theme: page.page.get_attribute("html", "data-theme") == theme)
+            page.page.wait_for_selector(f"html[data-theme={theme}]")
         assert not page.shown("#message"), "this address can be followed"
         # The first one waited for its episode, and then showed its tick in place of the second one's.
-        page.page.evaluate("location.hash = 'episode=2&tick=30'; location.hash = 'episode=2&tick=12&speed=1.0'")
+        first, second = "episode=2&tick=30", "episode=2&tick=12&speed=1.0"
+        page.page.evaluate(f"location.hash = '{first}'; location.hash = '{second}'")
         page.wait(lambda: page.tick == 12 and page.text("#speed").startswith("1\u00d7"))
 
 

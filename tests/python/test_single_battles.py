@@ -57,9 +57,13 @@ def test_a_battle_is_that_of_the_pool(adapter: str, sides: Any) -> None:
 def test_wrong_calls_are_refused_and_step_nothing(adapter: str, options: dict[str, Any]) -> None:
     """An action for an agent that there is not, as of a misspelt name, was ignored."""
     env = battle_of(adapter, "2s3z", **options)
-    with pytest.raises(sp.errors.InvalidRequest, match="call reset first"):
-        env.step({})
+    early = [lambda: env.step({}), env.render, *([env.state] if adapter == "parallel_env" else [])]
+    for call in early:
+        with pytest.raises(sp.errors.InvalidRequest, match="call reset first"):
+            call()
     env.reset(seed=1)
+    if adapter == "rllib":
+        assert env.render_mode == "rgb_array" and env.render().shape == (640, 640, 3)
     state, stop = env._battle.last.state.copy(), dict.fromkeys(env.agents, 1)
     refused: dict[str, dict[Any, Any]] = {
         "missing agent_4": dict(list(stop.items())[:4]),

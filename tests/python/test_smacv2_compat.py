@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import inspect
 import pickle
 from collections.abc import Iterator
 from typing import Any, cast
@@ -252,6 +253,18 @@ def test_the_base_class_has_no_methods() -> None:
     assert not issubclass(StarCraftCapabilityEnvWrapper, StarCraft2Env)
     with pytest.raises(NotImplementedError):
         smacv2.MultiAgentEnv().get_obs()
+
+
+def test_the_wrapper_has_the_methods_of_its_environment() -> None:
+    of_class = {
+        name: method for name, method in vars(StarCraftCapabilityEnvWrapper).items() if name[0] != "_"
+    }
+    base = {name for name in vars(smacv2.MultiAgentEnv) if name[0] != "_"}
+    assert {*base, "get_obs_feature_names", "get_state_feature_names", "get_stats"} == {*of_class}
+    for name, method in of_class.items():
+        assert inspect.signature(method) == inspect.signature(getattr(StarCraft2Env, name))
+        assert method.__qualname__ == f"StarCraftCapabilityEnvWrapper.{name}"
+        assert method.__doc__ == f"As `StarCraft2Env.{name}`."
 
 
 # --- With real battles

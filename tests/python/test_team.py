@@ -518,5 +518,7 @@ def test_a_team_plays_the_enemies(folder: Path) -> None:
         ),
     ):
         rival(envs.reset())
+    with pytest.raises(sp.errors.InvalidRequest, match=r"got \[3\]: a team plays the enemies of a scenario"):
+        rival.logits(np.zeros(3, np.float32))  # which was an IndexError
     with pytest.raises(sp.errors.InvalidRequest, match='side must be "allies" or "enemies", got .enemy'):
         sp.load_team("3m", side="enemy")  # type: ignore[arg-type]

@@ -483,7 +483,7 @@ def test_a_reload_of_a_followed_battle_keeps_its_page_of_the_grid(
         with WatchPage(browser, url, f"lane=3m&env={env}") as page:
             assert page.text("#range") == "battles 0 to 63 of 70" and page.text("h1") == "train"
             ignored = f"`env` must be a whole number from 0 to 69, got `{env}`."
-            page.wait(lambda ignored=ignored: page.text("#notice").startswith(f"{NOT_FOLLOWED} {ignored}"))
+            page.page.locator("#notice", has_text=f"{NOT_FOLLOWED} {ignored}").wait_for()
             page.page.evaluate("location.hash = 'env=68'")
             page.wait(lambda: page.text("h1") == "Battle 68")
             page.wait(lambda: NOT_FOLLOWED not in page.text("#notice"))
