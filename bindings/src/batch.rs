@@ -92,7 +92,7 @@ impl Batch {
 
     /// The numbers of a float field: in place, or a copy of the array that replaced them.
     pub fn floats(&self, py: Python<'_>, field: Field) -> PyResult<Cow<'_, [f32]>> {
-        self.elements(py, field, |name, array, shape| Ok(float32_array(name, array, shape)?.to_vec()?))
+        self.elements(py, field, |name, array, shape| float32_array(name, array, shape)?.to_vec())
     }
 
     /// As [`floats`](Self::floats), the bytes of a bool field.
