@@ -129,7 +129,10 @@ WRONG: dict[type[Exception], list[tuple[Callable[[Any, Any], object], str]]] = {
     sp.errors.InvalidRequest: [
         (lambda r, s: sp.Renderer("2s3z", 15), "between 16 and 4096 pixels, got 15 x 512"),
         (lambda r, s: sp.Renderer("2s3z", height=-1), "height must not be negative, got -1"),
-        (lambda r, s: sp.Renderer("2s3z", theme="blue"), 'must be "dark" or "light", got `blue`'),  # type: ignore[arg-type]
+        (
+            lambda r, s: sp.Renderer("2s3z", theme="blue"),  # type: ignore[arg-type]
+            'must be "dark" or "light", got `blue`',
+        ),
         (lambda r, s: r.render(s[0, :3]), r"state must be a float32 array of shape \(\d+,\), got \(3,\)"),
         (lambda r, s: r.sheet(s[0]), r"states must be .* of shape \(K, (\d+)\), got \(\1,\)"),
         (lambda r, s: r.sheet(s[:0]), "states must have at least one row, got none"),
@@ -141,7 +144,10 @@ WRONG: dict[type[Exception], list[tuple[Callable[[Any, Any], object], str]]] = {
         ),
     ],
     TypeError: [
-        (lambda r, s: sp.Renderer("2s3z", "512"), "width must be an integer, got str"),  # type: ignore[arg-type]
+        (
+            lambda r, s: sp.Renderer("2s3z", "512"),  # type: ignore[arg-type]
+            "width must be an integer, got str",
+        ),
         (lambda r, s: r.render(s[0].astype(np.int64)), "state must be a float32 array, got int64"),
     ],
     sp.errors.ScenarioError: [(lambda r, s: sp.Renderer("no_such"), "no_such")],
