@@ -41,6 +41,7 @@ mod connection_failures;
 mod connections;
 pub mod control;
 mod error;
+mod folder_use;
 mod follower;
 mod lane_scenario;
 mod name;
@@ -61,14 +62,13 @@ pub use clean::{CleanError, CleanReport, clean, left_over_files};
 pub use client::{Client, ClientError, ConnectError, Order};
 pub use control::client::ControlSocketError;
 pub use control::protocol::{ControlError, LaneDescription, LaneStatus, PoolStatus};
+pub use folder_use::FolderUse;
+#[doc(hidden)] // for tests that speak iceoryx2 themselves
+pub use folder_use::iceoryx;
 pub use follower::{FollowedPart, Follower, Piece};
 pub use lane_scenario::lane_scenario;
 pub use name::{NameError, check_name};
-pub use os::SERVES_OTHER_PROCESSES;
 pub use os::memory::TooLittleMemory;
-pub use os::shm_dir::FolderUse;
-#[doc(hidden)] // for tests that speak iceoryx2 themselves
-pub use os::shm_dir::iceoryx;
 #[doc(hidden)] // for the same tests
 pub use os::variant::PoolService;
 pub use process_owned::{NotOwner, ProcessOwned};

@@ -9,7 +9,8 @@ use crate::capacity::{Capacity, REQUESTS_READ};
 use crate::connection_failures::{Failures, PeerEnd};
 pub use crate::error::IpcError;
 pub(crate) use crate::error::doing;
-use crate::os::shm_dir::{FolderUse, ShmDir};
+use crate::folder_use::{FolderUse, iceoryx};
+use crate::os::shm_dir::ShmDir;
 use crate::runtime_dir::RuntimeDir;
 use crate::wire::{FrameHeader, RequestHeader, max_request_bytes};
 use iceoryx2::port::listener::Listener;
@@ -76,7 +77,7 @@ pub(crate) fn open_node(runtime_dir: &RuntimeDir, name: &str) -> Result<IpcNode,
     let shm_dir = Arc::new(shm_dir.map_err(doing(entering)).map_err(|error| error.at(runtime_dir))?);
     let node = NodeBuilder::new()
         .name(&NodeName::new(name).map_err(doing("naming a node"))?)
-        .config(&shm_dir.iceoryx())
+        .config(&iceoryx(shm_dir.folder()))
         .signal_handling_mode(SignalHandlingMode::Disabled)
         .create::<Ipc>()
         .map_err(doing("creating an iceoryx2 node"))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 
-from conftest import Serve, program, replayed, serves_other_processes
+from conftest import Serve, program, replayed
 
 
 def test_the_enemies_have_fields_of_their_own() -> None:
@@ -64,7 +64,6 @@ def test_a_second_side_that_no_learner_plays_is_an_error() -> None:
     sp.make("3m", 1, sides="both", opponent={"learner": 1, "kite": 1}).close()
 
 
-@serves_other_processes
 def test_serve_refuses_a_second_side_that_no_learner_plays() -> None:
     done = program("serve", "3m:1", "--name=never", "--sides=both", "--opponent=kite", check=False)
     assert done.returncode != 0 and "sides `both` needs opponent `learner`" in done.stderr
@@ -180,7 +179,6 @@ def test_the_options_of_both_sides_have_an_effect(served: bool, serve: Serve) ->
     assert lost > 4
 
 
-@serves_other_processes
 def test_serve_refuses_a_mirror_of_one_side() -> None:
     refused = program("serve", "3m:4", "--mirror", check=False)
     assert refused.returncode != 0 and "options of sides `both`" in refused.stderr

@@ -96,7 +96,7 @@ def test_a_download_saves_nothing(browser: Any, file: Path) -> None:
         name = copy_of_a_type(editor)
         name.fill("scout.json")
         name.press("Enter")
-        assert "without .json" in name.evaluate("input => input.validationMessage")
+        assert "end with `.json`" in name.evaluate("input => input.validationMessage")
         name.fill("scout")
         name.press("Enter")
         is_unsaved = "document.querySelector('#save').classList.contains('unsaved')"

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 import pytest
 import smaclite_pool as sp
 
-from conftest import PROGRAM, REPOSITORY, SERVES_ITSELF, SERVES_OTHER_PROCESSES, posix, program
+from conftest import PROGRAM, REPOSITORY, posix, program
 
 PAGE = REPOSITORY / "docs/reference/cli.md"
 
@@ -244,8 +244,6 @@ for reader in ("evaluate", "exploit", "train --resume", "verify-run"):
 
 @pytest.mark.parametrize(("name", "reader"), [cell[:2] for cell in cells() if cell[2]])
 def test_what_is_read(written: Path, tmp_path: Path, name: str, reader: str) -> None:
-    if reader.startswith("serve") and not SERVES_OTHER_PROCESSES:
-        pytest.skip(SERVES_ITSELF)
     shutil.copytree(written, tmp_path / "files")
     status, output = read_by(command(name, reader, tmp_path), tmp_path / "files")
     assert status == 0, output

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 
-from conftest import Serve, program, replayed, serves_other_processes
+from conftest import Serve, program, replayed
 
 SEEN = ("obs", "state", "avail_actions", "alive", "reward", "terminated", "truncated", "dead_enemies")
 FIELDS = [*SEEN, "battle_won", "episode_return", "episode_length", "dead_allies", "opponent", "snapshot"]
@@ -215,7 +215,6 @@ def test_what_cannot_play_the_enemies_is_an_error(
         sp.make(scenario, num_envs=2, **options)
 
 
-@serves_other_processes
 def test_serve_names_the_lane_of_a_team_that_does_not_fit() -> None:
     done = program("serve", "3m:2", "8m:2", "--opponent", "zoo:3m", check=False)
     assert done.returncode == 1 and "lane `8m:2`: opponent `zoo:3m`: the team was trained in" in done.stderr

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 
-from conftest import PROGRAM, Serve, handles, posix, program, serves_other_processes
+from conftest import PROGRAM, Serve, handles, posix, program
 
 
 def test_the_program_runs_as_a_module_and_as_a_script() -> None:
@@ -34,7 +34,6 @@ def test_standard_scenarios_do_not_read_unit_files_of_the_working_directory(tmp_
     assert "so_many_baneling" in program("scenarios", cwd=tmp_path).stdout
 
 
-@serves_other_processes
 def test_bench_starts_its_second_process_in_the_same_virtual_environment() -> None:
     # The interpreter's link was followed to the system's Python, which does not have this package.
     options = ["--mode", "attached", "--num-envs", "2", "--seconds", "0.1"]
@@ -159,7 +158,6 @@ def test_an_interrupted_recording_is_written_and_has_the_status_of_its_signal(
     assert str(out) in printed and out.exists(), printed + messages
 
 
-@serves_other_processes
 @pytest.mark.parametrize("user", ["program", "library"])
 def test_who_has_no_standard_streams_harms_no_pool(user: str, serve: Serve, tmp_path: Path) -> None:
     """What it printed went into the lock of the shared memory, and no other process could use pools."""

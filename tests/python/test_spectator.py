@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 
-from conftest import Serve, serves_other_processes
+from conftest import Serve
 
 
 def test_a_spectator_sees_the_newest_batch(serve: Serve) -> None:
@@ -31,7 +31,6 @@ def test_a_spectator_sees_the_newest_batch(serve: Serve) -> None:
         spectator.latest()
 
 
-@serves_other_processes
 def test_the_callback_of_an_old_batch_may_use_the_spectator() -> None:
     """It ran while the spectator was locked, and waited for its own thread."""
     with sp.make("3m", 1, name="seen") as envs, sp.Spectator("seen") as spectator:
@@ -78,7 +77,6 @@ def test_a_late_spectator_gets_the_newest_batch_and_counts_what_it_misses(serve:
             assert not seen.obs.flags.writeable
 
 
-@serves_other_processes
 def test_a_forked_child_and_a_dead_pool_are_errors() -> None:
     envs = sp.make("3m", 1)
     spectator = sp.Spectator(envs.spec.pool)

@@ -79,11 +79,13 @@ impl TestDir {
         smaclite_ipc::status(&self.runtime_dir, "train", WaitOptions::for_response()).expect("a status")
     }
 
-    /// The files in it, and the files and directories of its pools in `/dev/shm`.
+    /// The files in it, and the files and directories of its pools in `/dev/shm`. Where pools use no
+    /// `/dev/shm`, a lock stays.
     pub fn files(&self) -> Vec<PathBuf> {
         let mut files = shm_dirs(&self.runtime_dir);
         files.clone().iter().for_each(|dir| collect_files(dir, &mut files));
         collect_files(self.root(), &mut files);
+        files.retain(|file| *file != self.root().join("lock"));
         files.sort();
         files
     }

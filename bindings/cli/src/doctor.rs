@@ -8,7 +8,7 @@ use crate::os;
 use crate::process::interrupt_flag;
 use clap::Args;
 use serde::Serialize;
-use smaclite_ipc::{RuntimeDir, SERVES_OTHER_PROCESSES, left_over_files};
+use smaclite_ipc::{RuntimeDir, left_over_files};
 use smaclite_pool::PoolOptions;
 use std::collections::BTreeMap;
 use std::error::Error;
@@ -64,10 +64,10 @@ impl Doctor {
         let check = |name, mode| Check { name, error: error_of_pool(mode, &interrupted) };
         let checks = match runtime_dir {
             Ok(_) => {
-                let embedded = check("pool in this process", Mode::Embedded);
-                let attached =
-                    SERVES_OTHER_PROCESSES.then(|| check("pool in another process", Mode::Attached));
-                std::iter::once(embedded).chain(attached).collect()
+                vec![
+                    check("pool in this process", Mode::Embedded),
+                    check("pool in another process", Mode::Attached),
+                ]
             }
             Err(error) => vec![Check { name: "runtime folder", error: Some(error.to_string()) }],
         };
@@ -132,7 +132,9 @@ fn facts(host: &[HostVersion], runtime_dir: Option<&RuntimeDir>) -> Vec<(&'stati
         ("container", container()),
         (
             "namespaces",
-            SERVES_OTHER_PROCESSES.then(|| ["pid", "ipc", "mnt", "user"].map(namespace).join(", ")),
+            Path::new("/proc/self/ns")
+                .exists()
+                .then(|| ["pid", "ipc", "mnt", "user"].map(namespace).join(", ")),
         ),
         ("processor", field("/proc/cpuinfo", "model name")),
         ("usable cores", Some(cores.to_string())),
@@ -175,7 +177,7 @@ fn namespace(kind: &str) -> String {
 }
 
 fn shared_memory() -> Option<String> {
-    let Some(room) = os::room(SHM) else { return SERVES_OTHER_PROCESSES.then(|| "not found".to_owned()) };
+    let room = os::room(SHM)?;
     let mounts = read("/proc/mounts").unwrap_or_default();
     let of_shm = |line: &&str| line.split(' ').nth(1) == Some(SHM);
     let mount = mounts.lines().rfind(of_shm).unwrap_or("no mount of its own");

@@ -11,8 +11,9 @@ use std::time::Duration;
 /// In the environment of a second process: the id of the first, with which it ends.
 const FIRST_PROCESS: &str = "SMACLITE_POOL_FIRST_PROCESS";
 
-/// A second process, which is terminated (SIGTERM) and waited for when this is dropped. On Linux it also ends
-/// when this process is killed, or its pool would never end.
+/// A second process, which is asked to end (by SIGTERM, or on Windows by the end of its input) and waited
+/// for when this is dropped. On Linux and Windows it also ends when this process is killed, or its pool
+/// would never end.
 pub struct SecondProcess {
     child: Child,
     /// Hands on what it says on standard error until it ends, and returns the last line.
@@ -22,13 +23,14 @@ pub struct SecondProcess {
 }
 
 impl SecondProcess {
-    /// Starts it without standard input and output. What it says on standard error is said by this process.
+    /// Starts it without standard output, and without an input that it could read. What it says on standard
+    /// error is said by this process.
     ///
     /// # Errors
     /// If the program cannot be started.
     pub fn start(mut command: Command) -> std::io::Result<SecondProcess> {
         command.env(FIRST_PROCESS, std::process::id().to_string());
-        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
+        command.stdin(os::second_input()).stdout(Stdio::null()).stderr(Stdio::piped());
         let mut process = SecondProcess { child: command.spawn()?, errors: None, said: String::new() };
         if let Some(errors) = process.child.stderr.take() {
             process.errors = Some(std::thread::Builder::new().spawn(|| hand_on(errors))?);
@@ -88,10 +90,13 @@ impl Drop for SecondProcess {
     }
 }
 
+/// Whether the first process of this second one has asked it to end, where that needs no signal.
+static FIRST_ENDED: AtomicBool = AtomicBool::new(false);
+
 /// To be called at the start of a program that can be a [`SecondProcess`].
 pub fn end_with_first_process() {
     let first = std::env::var(FIRST_PROCESS).ok().and_then(|id| id.parse().ok());
-    first.into_iter().for_each(os::end_with_parent);
+    first.into_iter().for_each(|id| os::end_with_parent(id, &FIRST_ENDED));
 }
 
 /// How often a wait for a signal looks.
@@ -168,9 +173,9 @@ pub fn wait_for_termination() -> std::io::Result<()> {
     Ok(())
 }
 
-/// Blocks until the flag of [`interrupt_flag`] is set.
+/// Blocks until the flag of [`interrupt_flag`] is set, or the first process of this second one ends.
 pub(crate) fn wait_for(flag: &AtomicBool) {
-    while !flag.load(Ordering::Relaxed) {
+    while !flag.load(Ordering::Relaxed) && !FIRST_ENDED.load(Ordering::Relaxed) {
         std::thread::sleep(LOOK_INTERVAL);
     }
 }

@@ -10,8 +10,7 @@ use clap::Args;
 use serde_json::value::RawValue;
 use smaclite_engine::{BattleSetup, EnemySide, EpisodeLimit, MAX_LAST_ACTIONS, Rules, Sides};
 use smaclite_ipc::{
-    LaneConfig, RuntimeDir, SERVES_OTHER_PROCESSES, StartError, Supervisor, SupervisorConfig, WaitStrategy,
-    check_name,
+    LaneConfig, RuntimeDir, StartError, Supervisor, SupervisorConfig, WaitStrategy, check_name,
 };
 use smaclite_learn::LaneOpponents;
 use smaclite_pool::fields::{FieldSet, UnknownField};
@@ -151,11 +150,6 @@ impl FromStr for GivenLane {
 
 impl Serve {
     pub(super) fn run(self) -> CommandResult {
-        if !SERVES_OTHER_PROCESSES {
-            return Err(
-                "pools for other processes need Linux; on this system, use a pool within a process".into()
-            );
-        }
         let prepared = self.config(runtime_dir()?)?.prepare()?;
         os::use_all_descriptors();
         // So far, a signal ends the program at once. From here on there are files to remove first.

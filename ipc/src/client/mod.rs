@@ -20,7 +20,7 @@ pub use order::Order;
 use crate::batch::Batch;
 use crate::control::client::ControlClient;
 use crate::control::protocol::LaneDescription;
-use crate::os::shm_dir::FolderUse;
+use crate::folder_use::FolderUse;
 use crate::process_owned::ProcessOwned;
 use crate::transport::Iceoryx;
 use crate::wait_options::WaitOptions;

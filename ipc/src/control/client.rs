@@ -7,8 +7,8 @@ use super::protocol::{
 };
 use crate::error::remedy;
 use crate::name::{NameError, check_name};
+use crate::os::Direction;
 use crate::os::socket::{self, Process, Stream, has_ended, is_ready, watch_process};
-use crate::os::{Direction, SERVES_OTHER_PROCESSES};
 use crate::runtime_dir::RuntimeDir;
 pub(crate) use crate::wait_options::RESPONSE_TIMEOUT;
 use crate::wait_options::WaitOptions;
@@ -80,10 +80,8 @@ fn this_release() -> String {
 fn hint(pools: &[String]) -> String {
     if !pools.is_empty() {
         format!("; running: {}", pools.join(", "))
-    } else if SERVES_OTHER_PROCESSES {
-        "; start one with `smaclite-pool serve SCENARIO:N --name NAME`".to_owned()
     } else {
-        "; on this system, only the process that a pool runs in can use it".to_owned()
+        "; start one with `smaclite-pool serve SCENARIO:N --name NAME`".to_owned()
     }
 }
 

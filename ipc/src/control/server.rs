@@ -106,7 +106,7 @@ pub(crate) fn serve(mut server: ControlServer, listener: Listener, stop: Stream,
                 // next round accepts the peer.
                 Err(error) => {
                     if !close_idlest(&mut connections, 0, |_| true) {
-                        drop(spare.take());
+                        spare = None;
                         server.turn_away(&listener, &error);
                     }
                     std::thread::sleep(Duration::from_millis(10));

@@ -1,16 +1,28 @@
-//! What differs between operating systems, in modules with the same names and functions. On Linux other
-//! processes attach to a pool. Elsewhere a pool serves the process that it runs in, and has no file and no
-//! socket; so does one on Linux that is built with `--cfg smaclite_portable`, for tests.
+//! What differs between operating systems, in modules with the same names and functions: `linux`, and
+//! `portable`, which needs nothing of a system but files, locks of files and connections to this machine. A
+//! pool on Linux that is built with `--cfg smaclite_portable` uses it too, for tests.
 
 #[cfg(all(target_os = "linux", not(smaclite_portable)))]
 mod linux;
 #[cfg(all(target_os = "linux", not(smaclite_portable)))]
-pub use linux::*;
+pub(crate) use linux::*;
 
 #[cfg(any(not(target_os = "linux"), smaclite_portable))]
 mod portable;
 #[cfg(any(not(target_os = "linux"), smaclite_portable))]
-pub use portable::*;
+pub(crate) use portable::*;
+
+pub(crate) mod variant;
+
+#[cfg(unix)]
+pub(crate) mod unix;
+#[cfg(unix)]
+pub(crate) use unix as folders;
+
+#[cfg(not(unix))]
+pub(crate) mod windows;
+#[cfg(not(unix))]
+pub(crate) use windows as folders;
 
 /// What a wait for a control connection is for.
 #[derive(Clone, Copy)]
@@ -26,9 +38,3 @@ pub(crate) struct Ready {
     /// By their order, ascending.
     pub(crate) connections: Vec<usize>,
 }
-
-/// Its tests run on every system.
-#[cfg(all(test, target_os = "linux", not(smaclite_portable)))]
-#[allow(dead_code)]
-#[path = "portable/socket.rs"]
-mod portable_socket;

@@ -5,8 +5,9 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 use std::io::Result;
 use std::os::fd::AsFd;
 use std::os::unix::process::CommandExt;
-use std::process::{Child, Command, ExitStatus};
+use std::process::{Child, Command, ExitStatus, Stdio};
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 /// Raises the limit on file descriptors as far as this user may. The low limit that shells set is for
 /// programs that call `select`, which this one does not and the process of a learner may, so the library
@@ -38,9 +39,14 @@ fn outlives_terminal() -> bool {
     ignored.is_none_or(|mask| mask & 1 << (SIGHUP - 1) != 0)
 }
 
+/// The standard input of a second process: none.
+pub(crate) fn second_input() -> Stdio {
+    Stdio::null()
+}
+
 /// Ends this process, by SIGTERM, when its parent ends, if that is still the one of this id.
 #[cfg(target_os = "linux")]
-pub(crate) fn end_with_parent(parent: u32) {
+pub(crate) fn end_with_parent(parent: u32, _ended: &AtomicBool) {
     let is_parent = || {
         rustix::process::getppid().is_some_and(|id| u32::try_from(id.as_raw_nonzero().get()) == Ok(parent))
     };
@@ -55,7 +61,7 @@ pub(crate) fn end_with_parent(parent: u32) {
 
 /// The system has no signal for it.
 #[cfg(not(target_os = "linux"))]
-pub(crate) fn end_with_parent(_parent: u32) {}
+pub(crate) fn end_with_parent(_parent: u32, _ended: &AtomicBool) {}
 
 /// Becomes another program, which gets the signals of this one; returns only if that cannot be started.
 pub(crate) fn hand_over(command: &mut Command) -> Result<ExitStatus> {

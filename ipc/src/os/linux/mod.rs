@@ -1,4 +1,4 @@
-//! Linux: other processes attach to pools.
+//! Linux: Unix sockets, and shared memory in `/dev/shm` that is reserved before its use.
 
 mod dead_nodes;
 pub(crate) mod files;
@@ -8,13 +8,11 @@ mod name_lock;
 pub(crate) mod shm_dir;
 pub(crate) mod shortage;
 pub(crate) mod socket;
-pub(crate) mod variant;
+pub(crate) mod storage;
 
 pub(crate) use fork::{NotInherited, process_id};
 pub(crate) use name_lock::NameLock;
-
-/// Whether other processes can attach to pools on this system: on Linux they can.
-pub const SERVES_OTHER_PROCESSES: bool = true;
+pub(crate) use storage::{Event, Monitoring};
 
 /// Nanoseconds by the clock that all processes of a machine share (`CLOCK_MONOTONIC`).
 #[inline]

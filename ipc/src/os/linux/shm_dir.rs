@@ -7,7 +7,6 @@
 use super::files::{is_file_at, lock_file, owner_and_mode};
 use crate::process_owned::ProcessOwned;
 use crate::runtime_dir::RuntimeDir;
-use iceoryx2::prelude::{Config, Path as IceoryxPath, SemanticString};
 use rustix::fs::{FlockOperation, flock};
 use rustix::io::Errno;
 use rustix::rand::{GetRandomFlags, getrandom};
@@ -15,7 +14,6 @@ use std::fs::{DirBuilder, File};
 use std::io::{Error, ErrorKind, Result};
 use std::os::unix::fs::{DirBuilderExt, FileExt, MetadataExt};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Weak};
 use std::time::{Duration, Instant};
 
 /// The file that every process locks that uses iceoryx2 here; its content is the suffix.
@@ -137,14 +135,16 @@ impl RuntimeDir {
 }
 
 impl ShmDir {
-    /// Its path.
-    pub(super) fn folder(&self) -> &Path {
+    /// The folder of iceoryx2's files.
+    pub(crate) fn folder(&self) -> &Path {
         &self.usage.folder
     }
 
-    /// The configuration of every iceoryx2 node; explicit, so that no configuration file changes it.
-    pub(crate) fn iceoryx(&self) -> Config {
-        iceoryx(&self.usage.folder)
+    /// Gives up the files, also if something of them is still used.
+    pub(crate) fn end(&self) {
+        if self.usage.check().is_ok() {
+            self.usage.end();
+        }
     }
 
     /// Finds truncated segments, for which iceoryx2 would only report that it could not open the service. An
@@ -181,36 +181,6 @@ impl Drop for Usage {
     fn drop(&mut self) {
         self.end();
     }
-}
-
-/// The use of the folder of a pool's files by a learner or spectator. Batches prolong it.
-pub struct FolderUse(Weak<ShmDir>);
-
-impl FolderUse {
-    pub(crate) fn of(shm_dir: &Arc<ShmDir>) -> FolderUse {
-        FolderUse(Arc::downgrade(shm_dir))
-    }
-
-    /// For a process that exits: gives up the files, also if batches are left that nothing will drop any
-    /// more. Their memory stays mapped. Only other processes and the pool itself keep the folder now.
-    pub fn end(&self) {
-        if let Some(shm_dir) = self.0.upgrade().filter(|shm_dir| shm_dir.usage.check().is_ok()) {
-            shm_dir.usage.end();
-        }
-    }
-
-    /// Whether nothing of the client is left.
-    pub fn has_ended(&self) -> bool {
-        self.0.strong_count() == 0
-    }
-}
-
-/// The configuration of an iceoryx2 node with its files in this folder.
-pub fn iceoryx(folder: &Path) -> Config {
-    let mut config = Config::default();
-    let folder = folder.as_os_str().as_encoded_bytes();
-    config.global.set_root_path(&IceoryxPath::new(folder).expect("a short path"));
-    config
 }
 
 fn is_ours(folder: &Path) -> bool {

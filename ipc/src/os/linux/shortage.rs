@@ -27,8 +27,10 @@ thread_local! {
 }
 
 /// Notes what the operating system refused to a storage of iceoryx2, which reports it as an internal error.
-pub(crate) fn note(errno: Errno) {
-    NOTE.set(Some((errno, Instant::now())));
+pub(crate) fn note(error: &Error) {
+    if let Some(errno) = Errno::from_io_error(error) {
+        NOTE.set(Some((errno, Instant::now())));
+    }
 }
 
 /// Takes what was noted on this thread.

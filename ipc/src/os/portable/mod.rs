@@ -1,24 +1,23 @@
-//! Systems on which a pool serves the process that it runs in.
+//! Systems other than Linux: files, locks of files, and connections to this machine.
 
+mod event;
 pub(crate) mod files;
 pub(crate) mod memory;
+mod monitoring;
 mod name_lock;
 pub(crate) mod shm_dir;
 pub(crate) mod shortage;
 pub(crate) mod socket;
-pub(crate) mod variant;
+pub(crate) mod storage;
 
+pub(crate) use event::Trigger as Event;
+pub(crate) use monitoring::Monitoring;
 pub(crate) use name_lock::NameLock;
-use std::sync::OnceLock;
-use std::time::Instant;
+use std::time::{SystemTime, UNIX_EPOCH};
 
-/// Whether other processes can attach to pools on this system: on Linux they can.
-pub const SERVES_OTHER_PROCESSES: bool = false;
-
-/// Nanoseconds since the first call.
+/// Nanoseconds by the clock that all processes of a machine share.
 pub(crate) fn now_ns() -> u64 {
-    static BEGIN: OnceLock<Instant> = OnceLock::new();
-    BEGIN.get_or_init(Instant::now).elapsed().as_nanos() as u64
+    SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_nanos() as u64)
 }
 
 /// The id of this process.

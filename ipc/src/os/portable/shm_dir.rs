@@ -1,42 +1,94 @@
-//! The folder of iceoryx2's files: here it has none, since its services are those of one process.
+//! The folder of iceoryx2's files, in the runtime folder. Every process that uses iceoryx2 holds a shared
+//! lock; the last one to release it removes the folder, and the first one what killed processes left there.
 
+use super::files::{FilesLock, is_held, try_lock};
+use crate::os::folders::private_file;
+use crate::process_owned::ProcessOwned;
 use crate::runtime_dir::RuntimeDir;
-use iceoryx2::prelude::Config;
-use std::io::Result;
+use std::fs::{File, TryLockError};
+use std::io::{Error, ErrorKind, Result};
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Weak};
+
+/// Short, since the longest path of a socket of iceoryx2 has 104 bytes on macOS.
+const FOLDER: &str = "shm";
+const LOCK_NAME: &str = "in-use";
 
 /// Held for as long as this process uses iceoryx2.
-pub(crate) struct ShmDir(());
+pub(crate) struct ShmDir {
+    usage: ProcessOwned<Usage>,
+}
+
+/// The shared lock, and what the last process removes. A forked child shares its parent's lock.
+struct Usage {
+    lock: File,
+    root: PathBuf,
+    folder: PathBuf,
+}
 
 impl RuntimeDir {
     pub(crate) fn open_shm_dir(&self) -> Result<ShmDir> {
-        Ok(ShmDir(()))
+        let _files = FilesLock::take(self.root())?;
+        let (path, folder) = (self.root().join(LOCK_NAME), self.root().join(FOLDER));
+        if try_lock(&private_file(&path)?)? {
+            remove_folder(&folder)?;
+            std::fs::create_dir(&folder)?;
+        }
+        let lock = private_file(&path)?;
+        match lock.try_lock_shared() {
+            Ok(()) => {}
+            Err(TryLockError::Error(error)) => return Err(error),
+            Err(TryLockError::WouldBlock) => return Err(ErrorKind::WouldBlock.into()), // locked by no pool
+        }
+        let usage = Usage { lock, root: self.root().to_owned(), folder };
+        Ok(ShmDir { usage: ProcessOwned::new(usage) })
     }
 
-    /// Removes what pools left: nothing.
+    /// Removes what pools left, unless a process uses the folder.
     pub(crate) fn remove_stale(&self) -> Result<()> {
-        Ok(())
+        let _files = FilesLock::take(self.root())?;
+        remove_unused(self.root())
     }
 
-    /// The folder in shared memory of the running pools: `None`, there is none here.
+    /// The folder of the files of the running pools; `None` while there is none.
     pub fn shm_dir(&self) -> Option<PathBuf> {
-        None
+        Some(self.root().join(FOLDER)).filter(|folder| folder.exists())
     }
 
     pub(crate) fn unused_shm_dirs(&self) -> Vec<PathBuf> {
-        Vec::new()
+        if is_held(&self.root().join(LOCK_NAME)).unwrap_or(true) { Vec::new() } else { self.shm_dirs() }
     }
 
     pub(crate) fn shm_dirs(&self) -> Vec<PathBuf> {
-        Vec::new()
+        self.shm_dir().into_iter().collect()
+    }
+}
+
+/// Under the lock of the files: if nobody uses the folder, removes it and its lock.
+fn remove_unused(root: &Path) -> Result<()> {
+    let lock = root.join(LOCK_NAME);
+    if is_held(&lock)? {
+        return Ok(());
+    }
+    remove_folder(&root.join(FOLDER))?;
+    match std::fs::remove_file(lock) {
+        Err(error) if error.kind() != ErrorKind::NotFound => Err(error),
+        _ => Ok(()),
+    }
+}
+
+fn remove_folder(folder: &Path) -> Result<()> {
+    match std::fs::remove_dir_all(folder) {
+        Err(error) if error.kind() != ErrorKind::NotFound => {
+            Err(Error::new(error.kind(), format!("{}: {error}", folder.display())))
+        }
+        _ => Ok(()),
     }
 }
 
 impl ShmDir {
-    /// The configuration of every iceoryx2 node; explicit, so that no configuration file changes it.
-    pub(crate) fn iceoryx(&self) -> Config {
-        Config::default()
+    /// The folder of iceoryx2's files.
+    pub(crate) fn folder(&self) -> &Path {
+        &self.usage.folder
     }
 
     pub(crate) fn check_segments(&self) -> Result<()> {
@@ -44,26 +96,26 @@ impl ShmDir {
     }
 
     pub(crate) fn complete_dead_nodes(&self, _own: u128) {}
-}
 
-/// The use of a pool's memory by a learner or spectator. Batches prolong it.
-pub struct FolderUse(Weak<ShmDir>);
-
-impl FolderUse {
-    pub(crate) fn of(shm_dir: &Arc<ShmDir>) -> FolderUse {
-        FolderUse(Arc::downgrade(shm_dir))
-    }
-
-    /// For a process that exits: there are no files to give up.
-    pub fn end(&self) {}
-
-    /// Whether nothing of the client is left.
-    pub fn has_ended(&self) -> bool {
-        self.0.strong_count() == 0
+    /// Gives up the files, also if something of them is still used.
+    pub(crate) fn end(&self) {
+        if self.usage.check().is_ok() {
+            self.usage.end();
+        }
     }
 }
 
-/// The configuration of an iceoryx2 node; of no folder here.
-pub fn iceoryx(_folder: &Path) -> Config {
-    Config::default()
+impl Usage {
+    fn end(&self) {
+        // What cannot be removed is removed by the next process that makes a pool here.
+        let _files = FilesLock::take(&self.root);
+        let _ = self.lock.unlock(); // Wine says that it could not, and could
+        let _ = remove_unused(&self.root);
+    }
+}
+
+impl Drop for Usage {
+    fn drop(&mut self) {
+        self.end();
+    }
 }

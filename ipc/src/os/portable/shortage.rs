@@ -3,6 +3,9 @@
 use std::fmt::Display;
 use std::io::Error;
 
+/// Notes what the operating system refused to a storage of iceoryx2.
+pub(crate) fn note(_error: &Error) {}
+
 /// The likely cause of an error of iceoryx2 that just happened on this thread.
 pub(crate) fn likely() -> Option<String> {
     None

@@ -1,4 +1,7 @@
-//! Control connections within this process: bytes in memory, and who listens at which path.
+//! Control connections as bytes in memory. Another process is connected by TCP on this machine, of which two
+//! threads carry the bytes (`tcp`).
+
+mod tcp;
 
 use crate::os::{Direction, Ready};
 use std::collections::{BTreeMap, VecDeque};
@@ -9,8 +12,16 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Connections by the path that they were made to, until they are accepted.
-static LISTENERS: Mutex<BTreeMap<PathBuf, VecDeque<Stream>>> = Mutex::new(BTreeMap::new());
+/// Connections until they are accepted, by the path that they were made to and the process that listens: a
+/// forked child has the copy of its parent's.
+static LISTENERS: Mutex<BTreeMap<(u32, PathBuf), VecDeque<Stream>>> = Mutex::new(BTreeMap::new());
+
+fn key(path: &Path) -> (u32, PathBuf) {
+    (std::process::id(), path.to_owned())
+}
+
+/// Bytes that wait in a direction of a connection, until the other end reads.
+const ROOM: usize = 1 << 16;
 
 /// Held while somebody looks whether there is something to do. What changes that takes it afterwards, for a
 /// moment, so that no change is missed between a look and the wait for the next change.
@@ -47,10 +58,18 @@ struct Pipe {
     is_closed: bool,
 }
 
+impl Pipe {
+    fn room(&self) -> usize {
+        ROOM.saturating_sub(self.bytes.len())
+    }
+}
+
 /// An end of a connection.
 pub(crate) struct Stream {
     incoming: Arc<Mutex<Pipe>>,
     outgoing: Arc<Mutex<Pipe>>,
+    /// The process at the other end.
+    peer: u32,
 }
 
 impl Stream {
@@ -69,10 +88,15 @@ impl Stream {
     }
 
     fn can(&self, direction: Direction) -> bool {
-        let incoming = locked(&self.incoming);
         match direction {
-            Direction::Read => !incoming.bytes.is_empty() || incoming.is_closed,
-            Direction::Write => true,
+            Direction::Read => {
+                let incoming = locked(&self.incoming);
+                !incoming.bytes.is_empty() || incoming.is_closed
+            }
+            Direction::Write => {
+                let outgoing = locked(&self.outgoing);
+                outgoing.room() > 0 || outgoing.is_closed
+            }
         }
     }
 }
@@ -85,24 +109,47 @@ impl Drop for Stream {
 
 impl Read for Stream {
     fn read(&mut self, to: &mut [u8]) -> Result<usize> {
+        (&*self).read(to)
+    }
+}
+
+impl Read for &Stream {
+    fn read(&mut self, to: &mut [u8]) -> Result<usize> {
         let mut incoming = locked(&self.incoming);
         if incoming.bytes.is_empty() && !incoming.is_closed {
             return Err(ErrorKind::WouldBlock.into());
         }
-        incoming.bytes.read(to)
+        let read = incoming.bytes.read(to);
+        drop(incoming);
+        changed(); // there is room to write
+        read
     }
 }
 
 impl Write for Stream {
     fn write(&mut self, from: &[u8]) -> Result<usize> {
+        (&*self).write(from)
+    }
+
+    fn flush(&mut self) -> Result<()> {
+        Ok(())
+    }
+}
+
+impl Write for &Stream {
+    fn write(&mut self, from: &[u8]) -> Result<usize> {
         let mut outgoing = locked(&self.outgoing);
         if outgoing.is_closed {
             return Err(ErrorKind::BrokenPipe.into());
         }
-        outgoing.bytes.extend(from);
+        let written = from.len().min(outgoing.room());
+        if written == 0 && !from.is_empty() {
+            return Err(ErrorKind::WouldBlock.into());
+        }
+        outgoing.bytes.extend(&from[..written]);
         drop(outgoing);
         changed();
-        Ok(from.len())
+        Ok(written)
     }
 
     fn flush(&mut self) -> Result<()> {
@@ -112,75 +159,94 @@ impl Write for Stream {
 
 /// Two ends that are connected.
 pub(crate) fn pair() -> Result<(Stream, Stream)> {
-    let (one, other) = (Arc::<Mutex<Pipe>>::default(), Arc::<Mutex<Pipe>>::default());
-    let first = Stream { incoming: Arc::clone(&one), outgoing: Arc::clone(&other) };
-    Ok((first, Stream { incoming: other, outgoing: one }))
+    let own = std::process::id();
+    Ok(ends(own, own))
 }
 
-/// Connects to who listens at a path.
+/// Two ends of a connection, and which process is behind the first one, and behind the other.
+fn ends(first: u32, second: u32) -> (Stream, Stream) {
+    let (one, other) = (Arc::<Mutex<Pipe>>::default(), Arc::<Mutex<Pipe>>::default());
+    let end = Stream { incoming: Arc::clone(&one), outgoing: Arc::clone(&other), peer: second };
+    (end, Stream { incoming: other, outgoing: one, peer: first })
+}
+
+/// Connects to who listens at a path, in this process or in another one.
 pub(crate) fn connect(path: &Path) -> Result<Stream> {
     let (ours, theirs) = pair()?;
-    match locked(&LISTENERS).get_mut(path) {
-        Some(waiting) => waiting.push_back(theirs),
-        None => return Err(ErrorKind::NotFound.into()),
+    if !offer(theirs, path) {
+        return tcp::connect(path);
     }
-    changed();
     Ok(ours)
 }
 
+/// Lets who listens at a path in this process accept a connection; `false` if nobody does.
+fn offer(connection: Stream, path: &Path) -> bool {
+    let is_offered = match locked(&LISTENERS).get_mut(&key(path)) {
+        Some(waiting) => {
+            waiting.push_back(connection);
+            true
+        }
+        None => false,
+    };
+    changed();
+    is_offered
+}
+
 /// Listens until it is dropped.
-pub(crate) struct Listener(PathBuf);
+pub(crate) struct Listener {
+    key: (u32, PathBuf),
+    _tcp: tcp::Listener,
+}
 
 /// Listens at a path that nobody else has.
 pub(crate) fn listen_at(path: &Path) -> Result<Listener> {
-    locked(&LISTENERS).insert(path.to_owned(), VecDeque::new());
-    Ok(Listener(path.to_owned()))
-}
-
-/// The paths at which somebody listens, sorted.
-pub(super) fn listening() -> Vec<PathBuf> {
-    locked(&LISTENERS).keys().cloned().collect()
+    let key = key(path);
+    locked(&LISTENERS).insert(key.clone(), VecDeque::new());
+    let tcp = tcp::listen_at(path);
+    let _tcp = tcp.inspect_err(|_| drop(locked(&LISTENERS).remove(&key)))?;
+    Ok(Listener { key, _tcp })
 }
 
 impl Listener {
     fn has_waiting(&self) -> bool {
-        locked(&LISTENERS).get(&self.0).is_some_and(|waiting| !waiting.is_empty())
+        locked(&LISTENERS).get(&self.key).is_some_and(|waiting| !waiting.is_empty())
     }
 
     /// The next connection.
     pub(crate) fn accept(&self) -> Result<Stream> {
-        let next = locked(&LISTENERS).get_mut(&self.0).and_then(VecDeque::pop_front);
+        let next = locked(&LISTENERS).get_mut(&self.key).and_then(VecDeque::pop_front);
         next.ok_or(ErrorKind::WouldBlock.into())
     }
 }
 
 impl Drop for Listener {
     fn drop(&mut self) {
-        let waiting = locked(&LISTENERS).remove(&self.0);
+        let waiting = locked(&LISTENERS).remove(&self.key);
         drop(waiting); // without the lock
     }
 }
 
-/// The process at the other end: this one.
+/// The process at the other end.
 pub(crate) struct Peer {
     pub(crate) pid: Option<u32>,
     pub(crate) uid: u32,
 }
 
 impl Peer {
+    /// Whether it is a process of this user: no other one can read what a connection begins with.
     pub(crate) fn is_ours(&self) -> bool {
         true
     }
 }
 
-pub(crate) fn peer_of(_stream: &Stream) -> Result<Peer> {
-    Ok(Peer { pid: Some(std::process::id()), uid: 0 })
+pub(crate) fn peer_of(stream: &Stream) -> Result<Peer> {
+    Ok(Peer { pid: Some(stream.peer), uid: 0 })
 }
 
-/// Another process, which there is not.
+/// A process whose end is watched.
 pub(crate) type Process = Infallible;
 
-/// `None`: the end of this process ends both.
+/// `None`: the end of a process ends its connections.
 pub(crate) fn watch_process(_pid: u32) -> Option<Process> {
     None
 }
@@ -245,7 +311,8 @@ mod tests {
 
     #[test]
     fn connections_carry_bytes_until_they_end() {
-        let path = Path::new("a pool.sock");
+        let folder = tempfile::tempdir().unwrap();
+        let path = &folder.path().join("pool.sock");
         assert_eq!(connect(path).err().map(|error| error.kind()), Some(ErrorKind::NotFound));
         let listener = listen_at(path).unwrap();
         assert_eq!(listener.accept().err().map(|error| error.kind()), Some(ErrorKind::WouldBlock));
@@ -278,12 +345,26 @@ mod tests {
 
     #[test]
     fn the_end_of_a_listener_ends_what_waits_for_it() {
-        let path = Path::new("another pool.sock");
-        let listener = listen_at(path).unwrap();
-        let client = connect(path).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("pool.sock");
+        let listener = listen_at(&path).unwrap();
+        let client = connect(&path).unwrap();
         assert!(wait(&listener, &pair().unwrap().0, std::iter::empty(), Duration::ZERO).listener);
         drop(listener);
         assert!(!is_open(&client));
-        assert!(!listening().contains(&path.to_owned()));
+        assert_eq!(connect(&path).err().map(|error| error.kind()), Some(ErrorKind::NotFound));
+    }
+
+    /// Who does not read must not make the other end's memory grow.
+    #[test]
+    fn a_direction_takes_what_it_has_room_for() {
+        let (mut one, mut other) = pair().unwrap();
+        let many = vec![7; 3 * ROOM];
+        assert_eq!(one.write(&many).unwrap(), ROOM);
+        assert_eq!(one.write(&many).err().map(|error| error.kind()), Some(ErrorKind::WouldBlock));
+        assert!(!is_ready(&one, Direction::Write, Duration::ZERO));
+        assert_eq!(other.read(&mut [0; 100]).unwrap(), 100);
+        assert!(is_ready(&one, Direction::Write, Duration::ZERO));
+        assert_eq!(one.write(&many).unwrap(), 100);
     }
 }

@@ -12,25 +12,28 @@
 //! - An empty segment is waited for without a limit (`posix_shared_memory.rs`, `open_impl`,
 //!   `MappingSizeIsZero`).
 //!
-//! The storages used here map files below the root path of iceoryx2's configuration. That is a folder of mode
-//! 0700 in `/dev/shm` (see `shm_dir`), so it is the same memory, and no other user can list, open or make
-//! anything in it. They close these files as soon as they are mapped or read.
+//! The storages used here map files below the root path of iceoryx2's configuration. On Linux that is a
+//! folder of mode 0700 in `/dev/shm` (see `shm_dir`), so it is the same memory, and no other user can list,
+//! open or make anything in it. They close these files as soon as they are mapped or read.
+//!
+//! On Windows, iceoryx2 writes a line to the terminal for most of its calls of the system, also for those
+//! that succeed (iceoryx2-pal-posix 0.10.0, `windows/win32_call.rs`), and nothing silences it. So there the
+//! locks of nodes and the wakes of events are others too.
 
 mod mapped_file;
 mod small_file;
 
+use crate::os::{Event, Monitoring};
 use iceoryx2::prelude::{Service, ZeroCopySend, ipc_threadsafe};
 use iceoryx2::service::internal::ServiceInternal;
 use iceoryx2_bb_elementary_traits::testing::abandonable::Abandonable;
-use iceoryx2_bb_lock_free::mpmc::counting_bit_set::RelocatableCountingBitSet;
-use iceoryx2_cal::event::trigger::{State, unix_datagram_socket::GenericUnixDatagramSocketTrigger};
 use iceoryx2_cal::resizable_shared_memory::dynamic::DynamicMemory;
 use iceoryx2_cal::serialize::postcard::Postcard;
 use iceoryx2_cal::shared_memory::common::details::{AllocatorDetails, Memory};
 use iceoryx2_cal::shm_allocator::bump_allocator::BumpAllocator;
 use iceoryx2_cal::shm_allocator::pool_allocator::PoolAllocator;
 use iceoryx2_cal::zero_copy_connection::common::details::{Connection, SharedManagementData};
-use mapped_file::Storage;
+pub(crate) use mapped_file::Storage;
 use std::fmt::Debug;
 
 /// iceoryx2's service for processes whose threads share ports, with all files below the root path.
@@ -49,11 +52,8 @@ impl Service for PoolService {
     type SharedMemory = Memory<PoolAllocator, Storage<AllocatorDetails<PoolAllocator>>>;
     type ResizableSharedMemory = DynamicMemory<PoolAllocator, Self::SharedMemory>;
     type Connection = Connection<Storage<SharedManagementData>>;
-    type Event = GenericUnixDatagramSocketTrigger<
-        RelocatableCountingBitSet,
-        Storage<State<RelocatableCountingBitSet, ()>>,
-    >;
-    type Monitoring = <Base as Service>::Monitoring;
+    type Event = Event;
+    type Monitoring = Monitoring;
     type Reactor = <Base as Service>::Reactor;
     type ArcThreadSafetyPolicy<T: Send + Debug + Abandonable> = <Base as Service>::ArcThreadSafetyPolicy<T>;
     type BlackboardMgmt<T: Send + Sync + Debug + ZeroCopySend + 'static> = Storage<T>;

@@ -2,14 +2,14 @@
 //! every file open, which costs a pool within a learner's process some thirty file descriptors that nothing
 //! uses.
 //!
-//! Its pages are reserved when it is created (the first of them if it is large; `memory` reserves the
-//! rest), so that a full `/dev/shm` is an error and not a SIGBUS. What the kernel refuses is noted for the
-//! error message, because iceoryx2 reports an internal error.
+//! On Linux its pages are reserved when it is created (the first of them if it is large; `memory` reserves
+//! the rest), so that a full `/dev/shm` is an error and not a SIGBUS. What the system refuses is noted for
+//! the error message, because iceoryx2 reports an internal error.
 
-#![allow(unsafe_code)] // maps memory, and implements unsafe functions of iceoryx2's traits
+#![allow(unsafe_code)] // uses mapped memory, and implements unsafe functions of iceoryx2's traits
 
-use crate::os::memory::reserve_later;
 use crate::os::shortage::note;
+use crate::os::storage::{self, Mapping, create_segment, discard, open_segment};
 use iceoryx2::prelude::{FileName, ZeroCopySend};
 use iceoryx2_bb_elementary::bump_allocator::BumpAllocator;
 use iceoryx2_bb_elementary::package_version::PackageVersion;
@@ -24,13 +24,11 @@ use iceoryx2_cal::named_concept::{
     NamedConcept, NamedConceptBuilder, NamedConceptConfiguration, NamedConceptDoesExistError,
     NamedConceptListError, NamedConceptMgmt, NamedConceptPathHintRemoveError, NamedConceptRemoveError,
 };
-use rustix::fs::{FallocateFlags, Mode, OFlags, fallocate, fchmod, fstat, ftruncate};
-use rustix::io::Errno;
-use rustix::mm::{MapFlags, ProtFlags, mmap, munmap};
 use std::fmt::Debug;
+use std::fs::File;
+use std::io::{Error, ErrorKind};
 use std::marker::PhantomData;
 use std::mem::MaybeUninit;
-use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
 use std::ptr::NonNull;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -38,20 +36,29 @@ use std::time::{Duration, Instant};
 
 type Configuration<T> = <file::Storage<T> as NamedConceptMgmt>::Configuration;
 
-/// Bytes that are reserved at the creation, which must not take long: milliseconds.
-const RESERVED_AT_ONCE: u64 = 8 << 20;
-
-/// The mode of a file that is being initialised; then it is [`PRIVATE`](crate::os::files::PRIVATE).
-const UNFINISHED: Mode = Mode::WUSR;
-
-/// A value in shared memory, which its creator initialises.
+/// A value in shared memory, which its creator initialises. Dropped in this order: Windows removes no file
+/// that is mapped.
 #[derive(Debug)]
 pub struct Storage<T> {
     memory: Mapping,
+    file: OwnedFile,
     name: FileName,
+    _value: PhantomData<T>,
+}
+
+/// The file of a storage, which its owner removes.
+#[derive(Debug)]
+struct OwnedFile {
     path: PathBuf,
     is_owner: AtomicBool,
-    _value: PhantomData<T>,
+}
+
+impl Drop for OwnedFile {
+    fn drop(&mut self) {
+        if *self.is_owner.get_mut() {
+            discard(&self.path);
+        }
+    }
 }
 
 // SAFETY: as iceoryx2's own storage: `get` shares the value, which is `Sync`, and the last owner drops it.
@@ -67,46 +74,16 @@ struct Content<T> {
     value: MaybeUninit<T>,
 }
 
-/// Shared memory of this process.
-#[derive(Debug)]
-struct Mapping {
-    start: NonNull<u8>,
-    bytes: usize,
-}
-
-impl Mapping {
-    fn new(file: &OwnedFd, bytes: usize, protection: ProtFlags) -> Result<Mapping, Errno> {
-        // SAFETY: a new mapping, at an address that the kernel chooses, is memory that nothing else uses.
-        let start = unsafe { mmap(std::ptr::null_mut(), bytes, protection, MapFlags::SHARED, file, 0) }?;
-        Ok(Mapping { start: NonNull::new(start.cast()).ok_or(Errno::NOMEM)?, bytes })
-    }
-
-    fn content<T>(&self) -> *mut Content<T> {
-        self.start.as_ptr().cast()
-    }
-}
-
-impl Drop for Mapping {
-    fn drop(&mut self) {
-        // SAFETY: the mapping of `new`; who borrowed its memory borrowed this.
-        let unmapped = unsafe { munmap(self.start.as_ptr().cast(), self.bytes) };
-        debug_assert!(unmapped.is_ok());
-    }
-}
-
-impl<T> Storage<T> {
-    fn release(&mut self) {
-        if *self.is_owner.get_mut() {
-            // SAFETY: an owner's value is initialised, and only the last owner drops it.
-            unsafe { (*self.memory.content::<T>()).value.assume_init_drop() };
-            let _ = std::fs::remove_file(&self.path);
-        }
-    }
+fn content<T>(memory: &Mapping) -> *mut Content<T> {
+    memory.start().cast()
 }
 
 impl<T> Drop for Storage<T> {
     fn drop(&mut self) {
-        self.release();
+        if *self.file.is_owner.get_mut() {
+            // SAFETY: an owner's value is initialised, and only the last owner drops it.
+            unsafe { (*content::<T>(&self.memory)).value.assume_init_drop() };
+        }
     }
 }
 
@@ -128,35 +105,38 @@ impl<T: Send + Sync + Debug + ZeroCopySend> Builder<'_, T> {
 
     /// The storage, if it is initialised.
     fn try_open(&self, path: &Path, mode: AccessMode) -> Result<Option<Storage<T>>, DynamicStorageOpenError> {
-        let (flags, protection) = match mode {
-            AccessMode::ReadWrite => (OFlags::RDWR, ProtFlags::READ | ProtFlags::WRITE),
-            _ => (OFlags::RDONLY, ProtFlags::READ),
-        };
-        let failed = |errno| {
-            note(errno);
+        let failed = |error| {
+            note(&error);
             DynamicStorageOpenError::InternalError
         };
-        let file = match rustix::fs::open(path, flags | OFlags::CLOEXEC | OFlags::NOFOLLOW, Mode::empty()) {
-            Ok(file) => file,
-            Err(Errno::NOENT) => return Err(DynamicStorageOpenError::DoesNotExist),
-            Err(Errno::ACCESS) => return Ok(None), // its mode is not the final one yet
-            Err(errno) => return Err(failed(errno)),
+        let writable = mode == AccessMode::ReadWrite;
+        let file = match open_segment(path, writable) {
+            Ok(Some(file)) => file,
+            Ok(None) => return Ok(None),
+            Err(error) if error.kind() == ErrorKind::NotFound => {
+                return Err(DynamicStorageOpenError::DoesNotExist);
+            }
+            Err(error) => return Err(failed(error)),
         };
-        let bytes = fstat(&file).map_err(failed)?.st_size as usize;
+        let bytes = file.metadata().map_err(failed)?.len() as usize;
         if bytes < size_of::<Content<T>>() {
             return Ok(None);
         }
-        let memory = Mapping::new(&file, bytes, protection).map_err(failed)?;
+        let memory = Mapping::new(&file, bytes, writable).map_err(failed)?;
         // SAFETY: the mapping is long enough, and page-aligned; the version is atomic in every process.
-        let version = unsafe { &(*memory.content::<T>()).version }.load(Ordering::SeqCst);
+        let version = unsafe { &(*content::<T>(&memory)).version }.load(Ordering::SeqCst);
         if version == 0 {
             return Ok(None);
         }
         if version != PackageVersion::get().to_u64() {
             return Err(DynamicStorageOpenError::VersionMismatch);
         }
-        let (name, path) = (self.name, path.to_owned());
-        Ok(Some(Storage { memory, name, path, is_owner: AtomicBool::new(false), _value: PhantomData }))
+        Ok(Some(self.storage(memory, path, false)))
+    }
+
+    fn storage(&self, memory: Mapping, path: &Path, is_owner: bool) -> Storage<T> {
+        let file = OwnedFile { path: path.to_owned(), is_owner: AtomicBool::new(is_owner) };
+        Storage { memory, file, name: self.name, _value: PhantomData }
     }
 
     fn open_existing(&self, mode: AccessMode) -> Result<Storage<T>, DynamicStorageOpenError> {
@@ -174,36 +154,29 @@ impl<T: Send + Sync + Debug + ZeroCopySend> Builder<'_, T> {
 
     fn create_new(&mut self) -> Result<Storage<T>, DynamicStorageCreateError> {
         let path = self.path();
-        let file = create_exclusive(&path, UNFINISHED).map_err(|errno| match errno {
-            Errno::EXIST => DynamicStorageCreateError::AlreadyExists,
-            Errno::ACCESS => DynamicStorageCreateError::InsufficientPermissions,
+        let file = create_segment(&path).map_err(|error| match error.kind() {
+            ErrorKind::AlreadyExists => DynamicStorageCreateError::AlreadyExists,
+            ErrorKind::PermissionDenied => DynamicStorageCreateError::InsufficientPermissions,
             _ => DynamicStorageCreateError::InternalError,
         })?;
         let filled = self.fill(&file, &path);
         if filled.is_err() {
-            let _ = std::fs::remove_file(&path);
+            drop(file); // Windows removes no file that is open
+            discard(&path);
         }
         filled
     }
 
-    fn fill(&mut self, file: &OwnedFd, path: &Path) -> Result<Storage<T>, DynamicStorageCreateError> {
-        let failed = |errno| {
-            note(errno);
+    fn fill(&mut self, file: &File, path: &Path) -> Result<Storage<T>, DynamicStorageCreateError> {
+        let failed = |error: Error| {
+            note(&error);
             DynamicStorageCreateError::InternalError
         };
         let bytes = size_of::<Content<T>>() + self.supplementary_size;
-        ftruncate(file, bytes as u64).map_err(failed)?;
-        match fallocate(file, FallocateFlags::empty(), 0, RESERVED_AT_ONCE.min(bytes as u64)) {
-            Ok(()) | Err(Errno::OPNOTSUPP) => {}
-            Err(Errno::INTR) => return self.fill(file, path), // a signal; the kernel has undone it
-            Err(errno) => return Err(failed(errno)),
-        }
-        if bytes as u64 > RESERVED_AT_ONCE {
-            reserve_later(path);
-        }
-        let memory = Mapping::new(file, bytes, ProtFlags::READ | ProtFlags::WRITE).map_err(failed)?;
-        let content = memory.content::<T>();
-        let parts = memory.start.as_ptr().wrapping_add(size_of::<Content<T>>());
+        storage::reserve(file, path, bytes as u64).map_err(failed)?;
+        let memory = Mapping::new(file, bytes, true).map_err(failed)?;
+        let content = content::<T>(&memory);
+        let parts = memory.start().wrapping_add(size_of::<Content<T>>());
         let mut allocator =
             BumpAllocator::new(NonNull::new(parts).expect("an address"), self.supplementary_size);
         // SAFETY: the mapping is long enough, page-aligned and zeroed, which is a valid `Content`; no other
@@ -213,26 +186,9 @@ impl<T: Send + Sync + Debug + ZeroCopySend> Builder<'_, T> {
             return Err(DynamicStorageCreateError::InitializationFailed);
         }
         content.version.store(PackageVersion::get().to_u64(), Ordering::SeqCst);
-        fchmod(file, Mode::from_raw_mode(crate::os::files::PRIVATE)).map_err(failed)?;
-        let (name, path, is_owner) = (self.name, path.to_owned(), AtomicBool::new(self.is_owner));
-        Ok(Storage { memory, name, path, is_owner, _value: PhantomData })
+        storage::complete_segment(file).map_err(failed)?;
+        Ok(self.storage(memory, path, self.is_owner))
     }
-}
-
-/// A new file, and its folder if there is none.
-pub(super) fn create_exclusive(path: &Path, mode: Mode) -> Result<OwnedFd, Errno> {
-    use std::os::unix::fs::DirBuilderExt;
-    let flags = OFlags::CREATE | OFlags::EXCL | OFlags::RDWR | OFlags::CLOEXEC | OFlags::NOFOLLOW;
-    let create = || rustix::fs::open(path, flags, mode);
-    let created = create().or_else(|errno| match path.parent() {
-        Some(folder) if errno == Errno::NOENT => {
-            let made = std::fs::DirBuilder::new().recursive(true).mode(0o700).create(folder);
-            made.map_err(|error| Errno::from_io_error(&error).unwrap_or(Errno::IO))?;
-            create()
-        }
-        _ => Err(errno),
-    });
-    created.inspect_err(|errno| note(*errno))
 }
 
 pub(super) fn path_for(config: &impl NamedConceptConfiguration, name: &FileName) -> PathBuf {
@@ -313,11 +269,11 @@ impl<T: Send + Sync + Debug + ZeroCopySend> NamedConceptMgmt for Storage<T> {
         name: &FileName,
         config: &Configuration<T>,
     ) -> Result<bool, NamedConceptDoesExistError> {
-        file::Storage::<T>::does_exist_cfg(name, config)
+        storage::exists::<file::Storage<T>>(name, config)
     }
 
     fn list_cfg(config: &Configuration<T>) -> Result<Vec<FileName>, NamedConceptListError> {
-        file::Storage::<T>::list_cfg(config)
+        storage::list::<file::Storage<T>>(config)
     }
 
     unsafe fn remove_cfg(
@@ -325,11 +281,11 @@ impl<T: Send + Sync + Debug + ZeroCopySend> NamedConceptMgmt for Storage<T> {
         config: &Configuration<T>,
     ) -> Result<bool, NamedConceptRemoveError> {
         // SAFETY: the same promise of the caller.
-        unsafe { file::Storage::<T>::remove_cfg(name, config) }
+        unsafe { storage::remove::<file::Storage<T>>(name, config) }
     }
 
     fn remove_path_hint(path: &iceoryx2::prelude::Path) -> Result<(), NamedConceptPathHintRemoveError> {
-        file::Storage::<T>::remove_path_hint(path)
+        storage::remove_folder(path)
     }
 }
 
@@ -348,20 +304,20 @@ impl<T: Send + Sync + Debug + ZeroCopySend> DynamicStorage<T> for Storage<T> {
     }
 
     fn has_ownership(&self) -> bool {
-        self.is_owner.load(Ordering::Relaxed)
+        self.file.is_owner.load(Ordering::Relaxed)
     }
 
     fn release_ownership(&self) {
-        self.is_owner.store(false, Ordering::Relaxed);
+        self.file.is_owner.store(false, Ordering::Relaxed);
     }
 
     fn acquire_ownership(&self) {
-        self.is_owner.store(true, Ordering::Relaxed);
+        self.file.is_owner.store(true, Ordering::Relaxed);
     }
 
     fn get(&self) -> &T {
         // SAFETY: whoever opened it saw its version, and whoever created it initialised it.
-        unsafe { (*self.memory.content::<T>()).value.assume_init_ref() }
+        unsafe { (*content::<T>(&self.memory)).value.assume_init_ref() }
     }
 
     unsafe fn __internal_set_type_name_in_config(config: &mut Configuration<T>, type_name: &str) {

@@ -3,8 +3,9 @@
 
 #![allow(unsafe_code)] // implements unsafe functions of iceoryx2's traits
 
-use super::mapped_file::{create_exclusive, path_for};
+use super::mapped_file::path_for;
 use crate::os::shortage::note;
+use crate::os::storage::{self, create_small, discard, read_small, write_small};
 use iceoryx2::prelude::FileName;
 use iceoryx2_bb_elementary_traits::testing::abandonable::Abandonable;
 use iceoryx2_cal::named_concept::{
@@ -16,21 +17,13 @@ use iceoryx2_cal::static_storage::{
     StaticStorage, StaticStorageBuilder, StaticStorageCreateError, StaticStorageLocked,
     StaticStorageOpenError, StaticStorageReadError, StaticStorageUnlockError, StaticStorageView,
 };
-use rustix::fs::Mode;
-use rustix::io::Errno;
-use std::fs::{File, Permissions};
-use std::io::{ErrorKind, Read, Write};
-use std::os::unix::fs::{MetadataExt, PermissionsExt};
+use std::fs::File;
+use std::io::ErrorKind;
 use std::ptr::NonNull;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 type Configuration = <file::Storage as NamedConceptMgmt>::Configuration;
-
-/// The modes of a file that is being written, and of one that is complete, which are iceoryx2's: it lists
-/// files by them.
-const UNFINISHED: u32 = 0o600;
-const COMPLETE: u32 = 0o400;
 
 /// Data that does not change.
 #[derive(Debug)]
@@ -63,7 +56,7 @@ pub struct Builder {
 impl Drop for Storage {
     fn drop(&mut self) {
         if *self.is_owner.get_mut() {
-            let _ = std::fs::remove_file(path_for(&self.config, &self.name));
+            discard(&path_for(&self.config, &self.name));
         }
     }
 }
@@ -72,24 +65,6 @@ impl Builder {
     fn storage(self, content: Vec<u8>) -> Storage {
         let (is_owner, content) = (AtomicBool::new(self.is_owner), Content(content));
         Storage { name: self.name, config: self.config, is_owner, content }
-    }
-
-    /// The content, if it is complete.
-    fn try_read(&self) -> std::io::Result<Option<Vec<u8>>> {
-        let mut file = File::open(path_for(&self.config, &self.name))?;
-        if file.metadata()?.mode() & 0o777 == UNFINISHED {
-            return Ok(None);
-        }
-        let mut content = Vec::new();
-        file.read_to_end(&mut content)?;
-        Ok(Some(content))
-    }
-}
-
-/// Notes what the operating system refused.
-fn note_error(error: &std::io::Error) {
-    if let Some(errno) = Errno::from_io_error(error) {
-        note(errno);
     }
 }
 
@@ -110,25 +85,25 @@ impl StaticStorageBuilder<Storage> for Builder {
 
     fn create_locked(self) -> Result<Locked, StaticStorageCreateError> {
         let path = path_for(&self.config, &self.name);
-        let file = create_exclusive(&path, Mode::from_raw_mode(UNFINISHED)).map_err(|errno| match errno {
-            Errno::EXIST => StaticStorageCreateError::AlreadyExists,
-            Errno::ACCESS => StaticStorageCreateError::InsufficientPermissions,
+        let file = create_small(&path).map_err(|error| match error.kind() {
+            ErrorKind::AlreadyExists => StaticStorageCreateError::AlreadyExists,
+            ErrorKind::PermissionDenied => StaticStorageCreateError::InsufficientPermissions,
             _ => StaticStorageCreateError::InternalError,
         })?;
-        Ok(Locked { storage: self.storage(Vec::new()), file: file.into() })
+        Ok(Locked { storage: self.storage(Vec::new()), file })
     }
 
     fn open(self, timeout: Duration) -> Result<Storage, StaticStorageOpenError> {
-        let begin = Instant::now();
+        let (path, begin) = (path_for(&self.config, &self.name), Instant::now());
         loop {
-            match self.try_read() {
+            match read_small(&path) {
                 Ok(Some(content)) => return Ok(self.storage(content)),
                 Ok(None) if begin.elapsed() > timeout => {
                     return Err(StaticStorageOpenError::InitializationNotYetFinalized);
                 }
                 Ok(None) => std::thread::sleep(Duration::from_millis(1)),
                 Err(error) => {
-                    note_error(&error);
+                    note(&error);
                     return Err(match error.kind() {
                         ErrorKind::NotFound => StaticStorageOpenError::DoesNotExist,
                         ErrorKind::PermissionDenied => StaticStorageOpenError::InsufficientPermissions,
@@ -142,16 +117,13 @@ impl StaticStorageBuilder<Storage> for Builder {
 
 impl StaticStorageLocked<Storage> for Locked {
     fn unlock(mut self, content: &[u8]) -> Result<Storage, StaticStorageUnlockError> {
-        let written = self.file.write_all(content);
-        written.and_then(|()| self.file.set_permissions(Permissions::from_mode(COMPLETE))).map_err(
-            |error| {
-                note_error(&error);
-                match error.kind() {
-                    ErrorKind::StorageFull => StaticStorageUnlockError::NoSpaceLeft,
-                    _ => StaticStorageUnlockError::InternalError,
-                }
-            },
-        )?;
+        write_small(&mut self.file, content).map_err(|error| {
+            note(&error);
+            match error.kind() {
+                ErrorKind::StorageFull => StaticStorageUnlockError::NoSpaceLeft,
+                _ => StaticStorageUnlockError::InternalError,
+            }
+        })?;
         self.storage.content = Content(content.to_owned());
         Ok(self.storage)
     }
@@ -223,20 +195,20 @@ impl NamedConceptMgmt for Storage {
     type Configuration = Configuration;
 
     fn does_exist_cfg(name: &FileName, config: &Configuration) -> Result<bool, NamedConceptDoesExistError> {
-        file::Storage::does_exist_cfg(name, config)
+        storage::small_exists::<file::Storage>(name, config)
     }
 
     fn list_cfg(config: &Configuration) -> Result<Vec<FileName>, NamedConceptListError> {
-        file::Storage::list_cfg(config)
+        storage::list::<file::Storage>(config)
     }
 
     unsafe fn remove_cfg(name: &FileName, config: &Configuration) -> Result<bool, NamedConceptRemoveError> {
         // SAFETY: the same promise of the caller.
-        unsafe { file::Storage::remove_cfg(name, config) }
+        unsafe { storage::remove::<file::Storage>(name, config) }
     }
 
     fn remove_path_hint(path: &iceoryx2::prelude::Path) -> Result<(), NamedConceptPathHintRemoveError> {
-        file::Storage::remove_path_hint(path)
+        storage::remove_folder(path)
     }
 }
 
