@@ -1,7 +1,8 @@
 //! What a run is resumed from, `checkpoint.safetensors`.
 //!
 //! A resumed run continues with the same bits. So a checkpoint has the networks and their optimisers and the
-//! statistics of the returns, snapshots of all environments, and the description of its run, as in `run.json`.
+//! statistics of the returns, snapshots of all environments, and the description of its run, as in
+//! `run.json`.
 
 use crate::adam::Adam;
 use crate::description::RunDescription;

@@ -1,6 +1,6 @@
 // @ts-check
-// Controls: what mouse and fingers do on the map. One finger drags like the left button, and what that does is
-// the page's choice; two fingers move the map.
+// Controls: what mouse and fingers do on the map. One finger drags like the left button, and what that does
+// is the page's choice; two fingers move the map.
 
 /** @typedef {[number, number]} At */
 /** @import { Rectangle } from "./selection.js" */

@@ -71,8 +71,8 @@ impl Drawer {
     /// Moves units that have no room to the nearest free places, and gives the allies their numbers: by the
     /// name of their type, then from west to east, then from south to north. The enemies keep their order.
     ///
-    /// Where a unit has no room, all are drawn again; a unit that has none in the last draw stays where it was
-    /// drawn.
+    /// Where a unit has no room, all are drawn again; a unit that has none in the last draw stays where it
+    /// was drawn.
     pub fn place(&self, share: &mut dyn FnMut() -> f64, teams: &mut DrawnTeams) {
         for _ in 1..MAX_DRAWS {
             if self.has_room(teams) {

@@ -159,7 +159,7 @@ pub enum TournamentError {
     #[error(
         "`{folder}` was trained in {given}, but {expected} is played; they differ in {differences}{hint}"
     )]
-    OtherScenario { folder: String, given: String, expected: String, differences: String, hint: &'static str },
+    OtherScenario { folder: String, given: String, expected: String, differences: String, hint: String },
     #[error(
         "the sides of {name} differ ({n_agents} agents, {n_enemies} enemies), so a team that was trained \
          with its agents cannot play its enemies; here only scripts play against each other, and \
@@ -266,8 +266,10 @@ impl Tournament {
                 let (folder, given) = (folder.clone(), run.name.clone());
                 let expected = scenario.name;
                 let hint = match run.config.network {
-                    NetworkKind::Universal => "; `smaclite-pool adapt` writes it as a team of another map",
-                    NetworkKind::Flat | NetworkKind::Units => "",
+                    NetworkKind::Universal => {
+                        "; `smaclite-pool adapt` writes it as a team of another map".to_owned()
+                    }
+                    NetworkKind::Flat | NetworkKind::Units => String::new(),
                 };
                 let differences = of_run.differences(&played);
                 return Err(TournamentError::OtherScenario { folder, given, expected, differences, hint });
