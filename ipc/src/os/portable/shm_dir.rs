@@ -9,7 +9,6 @@ use std::fs::{File, TryLockError};
 use std::io::{Error, ErrorKind, Result};
 use std::path::{Path, PathBuf};
 
-/// Short, since the longest path of a socket of iceoryx2 has 104 bytes on macOS.
 const FOLDER: &str = "shm";
 const LOCK_NAME: &str = "in-use";
 
