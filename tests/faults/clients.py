@@ -136,7 +136,7 @@ def page(url: str) -> PageSocket:
     return opened
 
 
-VERSION = 7
+VERSION = 8
 """Of the messages, as in bindings/cli/src/web/protocol."""
 
 
