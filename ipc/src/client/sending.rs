@@ -43,6 +43,7 @@ impl AttachedLane {
             self.send(order, ids, wait)?;
             self.outstanding.reset_all(number);
             (self.epoch, self.sequence, self.lost) = (Some(number), None, None);
+            self.may_be_more = false; // those that wait are of the epoch that is over
             return Ok(());
         }
         if let Some((first, last)) = self.lost {

@@ -41,7 +41,7 @@ pub(super) fn try_lock(file: &File) -> Result<bool> {
     }
 }
 
-/// Whether a process, or another part of this one, has locked a file. One that does not exist nobody has.
+/// Whether a file exists and is locked, by a process or by another part of this one.
 pub(crate) fn is_held(lock: &Path) -> Result<bool> {
     match File::options().write(true).open(lock) {
         Ok(file) => Ok(!try_lock(&file)?),

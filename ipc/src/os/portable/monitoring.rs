@@ -63,7 +63,7 @@ struct LockedFile {
 impl Drop for LockedFile {
     fn drop(&mut self) {
         if self.lock.is_some() {
-            // In this order, because a file that nobody has locked is that of a dead process.
+            // In this order, because a file without a lock is that of a dead process.
             let _ = remove_file(&self.path);
             self.lock = None;
         }
@@ -319,7 +319,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         builder(folder.path()).token().expect("a token").abandon();
         let looking = open(&builder(folder.path()).path()).expect("a file").expect("a file");
-        looking.try_lock_shared().expect("nobody has it");
+        looking.try_lock_shared().expect("it has no lock");
         assert_eq!(state_in(folder.path()), State::Dead);
     }
 }

@@ -34,7 +34,7 @@ impl NameLock {
 
 impl Drop for PoolFiles {
     fn drop(&mut self) {
-        // Without it, the next owner of the name finds files that nobody holds, and replaces them.
+        // Without it, the next owner of the name finds files without a lock, and replaces them.
         let _files = FilesLock::take(&self.root);
         drop(self.lock.take()); // Windows removes no file that is open
         self.files.iter().for_each(|file| drop(std::fs::remove_file(file)));

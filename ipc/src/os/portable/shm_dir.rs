@@ -62,7 +62,7 @@ impl RuntimeDir {
     }
 }
 
-/// Under the lock of the files: if nobody uses the folder, removes it and its lock.
+/// Under the lock of the files: if no process uses the folder, removes it and its lock.
 fn remove_unused(root: &Path) -> Result<()> {
     let lock = root.join(LOCK_NAME);
     if is_held(&lock)? {

@@ -179,7 +179,7 @@ pub(crate) fn connect(path: &Path) -> Result<Stream> {
     Ok(ours)
 }
 
-/// Lets who listens at a path in this process accept a connection; `false` if nobody does.
+/// Offers a connection to the listener of a path in this process; `false` if there is none.
 fn offer(connection: Stream, path: &Path) -> bool {
     let is_offered = match locked(&LISTENERS).get_mut(&key(path)) {
         Some(waiting) => {
@@ -355,7 +355,7 @@ mod tests {
         assert_eq!(connect(&path).err().map(|error| error.kind()), Some(ErrorKind::NotFound));
     }
 
-    /// Who does not read must not make the other end's memory grow.
+    /// A peer that does not read must not make the other end's memory grow.
     #[test]
     fn a_direction_takes_what_it_has_room_for() {
         let (mut one, mut other) = pair().unwrap();

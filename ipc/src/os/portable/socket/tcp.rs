@@ -46,7 +46,7 @@ pub(super) fn listen_at(path: &Path) -> Result<Listener> {
     let mut secret = [0; SECRET];
     getrandom::fill(&mut secret).map_err(Error::other)?;
     let address = Address { port, pid: std::process::id(), secret };
-    // Who reads a part of it tries again.
+    // A reader that finds a part of it tries again.
     private_file(path)?.write_all(&serde_json::to_vec(&address)?)?;
     let is_ended = Arc::<AtomicBool>::default();
     let (ended, path) = (Arc::clone(&is_ended), path.to_owned());
@@ -117,7 +117,7 @@ fn admit(connection: TcpStream, path: &Path, process: u32) -> Result<()> {
 /// Connects to a pool of another process.
 pub(super) fn connect(path: &Path) -> Result<Stream> {
     let (lock, root) = (path.with_extension("lock"), path.parent().unwrap_or(Path::new("")));
-    // A connection to a port that nobody listens at takes seconds on Windows.
+    // A connection to a port without a listener takes seconds on Windows.
     let address = {
         let _files = FilesLock::take(root)?;
         if !is_held(&lock)? {
