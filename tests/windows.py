@@ -4,8 +4,8 @@ The program runs beside that of this system. Both must print the same and write 
 all standard scenarios under two rule sets, a picture and messages. A team that is trained must come to an
 end; its bits are those of the system, whose logarithms differ.
 
-The wheel is installed for Python's own build for Windows, and the tests of the package run: all that need no
-other process's pool, no POSIX and no browser.
+The wheel is installed for Python's own build for Windows, and the tests of the package run: all that need
+no POSIX and no browser.
 
 Wine before version 9 lacks a function by which Rust's standard library gets random bits; a library of one
 function stands in for it. Other functions that Wine lacks are removed from Python's modules, so that Python

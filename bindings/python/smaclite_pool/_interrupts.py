@@ -26,7 +26,7 @@ def is_module() -> bool:
 
 
 def is_free() -> bool:
-    """Whether nobody else has decided what Ctrl-C does, and this thread can."""
+    """Whether Ctrl-C still has Python's own handler, and this thread can change it."""
     is_main = threading.current_thread() is threading.main_thread()
     return is_main and signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
