@@ -14,6 +14,8 @@ pub struct Learner {
     /// Environments that wait for actions.
     ready: Vec<i32>,
     sequence: u64,
+    /// Requests that were refused since that frame.
+    refused: u64,
 }
 
 /// What went wrong for a learner.
@@ -54,7 +56,7 @@ impl Learner {
     pub fn new(client: Client, plan: &LanePlan) -> Learner {
         let synchronous = client.description().settings.is_synchronous();
         let ready = (0..plan.num_envs as i32).collect();
-        Learner { client, reference: Reference::new(plan), synchronous, ready, sequence: 0 }
+        Learner { client, reference: Reference::new(plan), synchronous, ready, sequence: 0, refused: 0 }
     }
 
     /// The client.
@@ -178,11 +180,13 @@ impl Learner {
     pub fn recv(&mut self, timeout: Duration) -> Result<Arc<Batch>, LearnerError> {
         let received = self.client.recv(WaitOptions { timeout: Some(timeout), interrupted: &mut || false });
         if matches!(received, Err(ClientError::Rejected(_))) {
-            self.sequence += 1; // the refusal came in a frame
+            self.refused += 1;
         }
         let batch = received?;
         self.reference.check(&batch).map_err(LearnerError::Frame)?;
-        if self.sequence != 0 && batch.sequence() != self.sequence + 1 {
+        // A refusal takes a frame, unless the pool still keeps it after an earlier one.
+        let next = self.sequence + 1..=self.sequence + 1 + std::mem::take(&mut self.refused);
+        if self.sequence != 0 && !next.contains(&batch.sequence()) {
             let what = format!("frame {} came after frame {}", batch.sequence(), self.sequence);
             return Err(LearnerError::Frame(what));
         }
