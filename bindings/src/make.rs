@@ -23,12 +23,13 @@ use smaclite_ipc::{
     Client, ConnectError, LaneConfig, RuntimeDir, Supervisor, SupervisorConfig, WaitOptions, WaitStrategy,
     check_name,
 };
+use smaclite_learn::TrainedTeam;
 use smaclite_pool::fields::FieldSet;
 use smaclite_pool::{LaneSettings, PoolOptions};
 use smaclite_scenarios::ScenarioFiles;
 use std::ffi::CString;
 use std::hash::{BuildHasher, RandomState};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -167,11 +168,16 @@ pub fn make(
         }
         sides.check(&scenario).map_err(invalid_request)?;
         let setup = BattleSetup { rules, episode_limit, ..BattleSetup::new(files).with_sides(sides) };
-        let warnings = setup.warnings();
+        let warnings = setup.warnings().into_iter().map(|warning| warning.to_string());
+        let mut warnings: Vec<String> = warnings.collect();
         let (setup, team) = match opponents {
             Some(opponents) => opponents.open(setup).map_err(|error| invalid_request(shown(&error)))?,
             None => (setup, None),
         };
+        if let Some(team) = &team {
+            let other = TrainedTeam::other_rules(Path::new(&team.name), rules);
+            warnings.extend(other.map_err(|error| invalid_request(shown(&error)))?);
+        }
         let settings =
             LaneSettings { autoreset, fields, obs_last_actions, obs_agent_id, ..LaneSettings::new(num_envs) };
         let count = lanes.unwrap_or(1);
@@ -206,7 +212,7 @@ pub fn make(
         .map(|(client, recording)| Envs::new(py, client, Some(embedded.clone()), recording))
         .collect::<PyResult<Vec<_>>>()?;
     for warning in warnings {
-        let text = CString::new(warning.to_string())?;
+        let text = CString::new(warning)?;
         PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 1)?;
     }
     match lanes {

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -177,6 +178,16 @@ def test_gymnasium_shows_the_same_bits() -> None:
             actions = envs.spec.n_actions - 1 - batch.avail_actions[:, :, ::-1].argmax(-1)
             seen, batch = vector.step(actions)[0], envs.step(actions)
     vector.close()
+
+
+def test_a_team_of_other_rules_is_warned_of() -> None:
+    """`serve`, `play` and `evaluate` warned of it, and `make` did not."""
+    says = "the team `zoo:3m` was trained with rules smaclite, and the battles have rules starcraft-1"
+    with pytest.warns(UserWarning, match=says):
+        sp.make("3m", 1, opponent="zoo:3m", rules="starcraft").close()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        sp.make("3m", 1, opponent="zoo:3m").close()
 
 
 @pytest.mark.parametrize(

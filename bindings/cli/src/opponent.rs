@@ -4,7 +4,7 @@
 use crate::number::{count, whole};
 use clap::Args;
 use smaclite_engine::{Opponent, Opponents, OpponentsError, Rules, Sides};
-use smaclite_learn::{Enemies, FileError, RunDescription, SelfPlay, names_team};
+use smaclite_learn::{Enemies, FileError, SelfPlay, TrainedTeam, names_team};
 use smaclite_units::file::or_did_you_mean;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -96,13 +96,8 @@ pub(super) fn scripts(text: &str) -> Result<Opponents, ScriptsError> {
 
 /// Says that a team which is to play the enemies was trained with other rules than those of the battles.
 pub(super) fn warn_of_other_rules(folder: &Path, rules: Rules) -> Result<(), FileError> {
-    let of_team = RunDescription::read(folder)?.setup.rules;
-    if of_team != rules {
-        let folder = folder.display();
-        err!(
-            "smaclite-pool: warning: the team `{folder}` was trained with rules {of_team}, and the battles \
-             have rules {rules}"
-        );
+    if let Some(other) = TrainedTeam::other_rules(folder, rules)? {
+        err!("smaclite-pool: warning: {other}");
     }
     Ok(())
 }

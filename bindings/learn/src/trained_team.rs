@@ -9,7 +9,7 @@ use crate::policy::Choice;
 use crate::random::Purpose;
 use crate::team::{Network, agent_ids};
 use crate::tensors::FileError;
-use smaclite_engine::{Arena, Battle, BattleSetup, Scratch, Sizes, action};
+use smaclite_engine::{Arena, Battle, BattleSetup, Rules, Scratch, Sizes, action};
 use smaclite_scenarios::Faction;
 use std::path::Path;
 
@@ -99,6 +99,23 @@ impl TrainedTeam {
     ) -> Result<TrainedTeam, OtherMap> {
         let run = RunDescription::read(folder)?.playing_enemies_of::<OtherMap>(folder, battles)?;
         Ok(TrainedTeam::of_run(folder, run, weights)?)
+    }
+
+    /// Says that a team which is to play the enemies was trained with other rules than those of the battles;
+    /// `None` if it was not.
+    ///
+    /// # Errors
+    /// If the run in the folder cannot be read.
+    pub fn other_rules(folder: &Path, of_battles: Rules) -> Result<Option<String>, FileError> {
+        let of_team = RunDescription::read(folder)?.setup.rules;
+        let says = || {
+            let folder = folder.display();
+            format!(
+                "the team `{folder}` was trained with rules {of_team}, and the battles have rules \
+                 {of_battles}"
+            )
+        };
+        Ok((of_team != of_battles).then(says))
     }
 
     /// The run that it is of.
