@@ -6,6 +6,7 @@ import copy
 import pickle
 import warnings
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -77,6 +78,7 @@ WRITES: dict[str, Callable[[Any], Any]] = {
     "function": lambda t: torch.nn.functional.relu(t, inplace=True),
     "initialiser": lambda t: torch.nn.init.zeros_(t),
     "resized": lambda t: t.resize_(1),
+    "by a function": lambda t: t.apply_(lambda _: 0.0),
     "not in the schema": lambda t: torch.nn.functional.batch_norm(
         torch.randn(3, 80), t[0, 0], t[0, 1], training=True
     ),
@@ -90,6 +92,39 @@ def test_a_write_is_refused(envs: sp.Envs, write: Callable[[Any], Any], mode: Ca
     before = batch.obs.copy()
     with mode(), pytest.raises(sp.errors.InvalidRequest, match="read-only"):
         write(tensor(batch.obs))
+    assert np.array_equal(batch.obs, before)
+
+
+@pytest.mark.skipif(not torch.distributed.is_available(), reason="torch has no torch.distributed")
+def test_a_collective_that_writes_is_refused(envs: sp.Envs, tmp_path: Path) -> None:
+    """Schemas of torch.distributed do not say what is written: the process ended, or others never ended."""
+    from torch import distributed
+
+    batch = envs.reset(seed=1)
+    seen, before = tensor(batch.obs), batch.obs.copy()
+    store = f"file://{tmp_path / 'store'}"
+    distributed.init_process_group("gloo", init_method=store, rank=0, world_size=1)
+    try:
+        receive: dict[str, Callable[[], Any]] = {
+            "all_reduce": lambda: distributed.all_reduce(seen),
+            "reduce": lambda: distributed.reduce(seen, 0),
+            "broadcast": lambda: distributed.broadcast(seen, 0),
+            "all_gather": lambda: distributed.all_gather_into_tensor(seen, seen.clone()),
+            "scatter": lambda: distributed.scatter(seen, [seen.clone()], 0),
+            "recv": lambda: distributed.recv(seen, 0),
+        }
+        for name, write in receive.items():
+            with pytest.raises(sp.errors.InvalidRequest, match="read-only"):
+                write()
+                pytest.fail(name)
+        # torch looks for no tensor classes in lists of lists: its own thread is refused, and says no more.
+        with pytest.raises(SystemError):
+            distributed.all_gather([seen], seen.clone())
+        gathered = [torch.zeros_like(seen.plain)]
+        distributed.all_gather(gathered, seen)
+        assert torch.equal(gathered[0], seen.plain)
+    finally:
+        distributed.destroy_process_group()
     assert np.array_equal(batch.obs, before)
 
 

@@ -15,6 +15,9 @@ from torch import Tensor
 
 from ..errors import InvalidRequest
 
+_SENDS = ("::send", "::barrier", "::monitored_barrier_", "::check_for_nan")
+"""Operations of torch.distributed that write to no tensor that they are given."""
+
 
 class ReadOnly(Tensor):
     """A tensor over read-only memory. Operations that would write to it raise InvalidRequest.
@@ -41,13 +44,17 @@ class ReadOnly(Tensor):
     ) -> Any:
         """Run an operation of torch; its `_schema` says which arguments it writes and what it returns."""
         kwargs, schema = kwargs or {}, func._schema
-        if schema.is_mutable or "batch_norm" in schema.name:
+        receives = "c10d" in schema.name and not schema.name.endswith(_SENDS)
+        if schema.is_mutable or receives or "batch_norm" in schema.name:
             given = {argument.name: value for argument, value in zip(schema.arguments, args, strict=False)}
             given |= kwargs
             for argument in schema.arguments:
                 is_write = argument.alias_info is not None and argument.alias_info.is_write
-                # The schemas of batch normalisation do not say that training changes these.
-                if is_write or (argument.name in ("running_mean", "running_var") and given.get("training")):
+                # The schemas of batch normalisation do not say that training changes these, nor those of
+                # torch.distributed what they write to; they name `input` what they only read.
+                is_write |= argument.name in ("running_mean", "running_var") and bool(given.get("training"))
+                is_write |= receives and not argument.name.startswith("input")
+                if is_write:
                     _refuse_write(func, given.get(argument.name))
         result = func(*_plain(args), **{name: _plain(value) for name, value in kwargs.items()})
         returns_alias = any(returned.alias_info is not None for returned in schema.returns)
@@ -56,6 +63,10 @@ class ReadOnly(Tensor):
     def numpy(self, *, force: bool = False) -> NDArray[Any]:
         """A copy as an array; the field of the batch is the array without a copy."""
         return self.plain.clone().numpy(force=force)
+
+    def apply_(self, function: Any) -> Tensor:
+        """Refused, as all that writes; it is no operation that `__torch_dispatch__` sees."""
+        raise InvalidRequest(_refusal("apply_"))
 
     def tolist(self) -> Any:
         """The elements as Python numbers, in nested lists."""
@@ -89,7 +100,11 @@ def _guarded(value: Any) -> Any:
     return ReadOnly.over(value) if isinstance(value, Tensor) else value
 
 
+def _refusal(operation: Any) -> str:
+    return f"{operation}: the tensor is read-only memory of a batch; write to its clone()"
+
+
 def _refuse_write(func: Any, target: Any) -> None:
     for each in target if isinstance(target, list | tuple) else [target]:
         if isinstance(each, ReadOnly):
-            raise InvalidRequest(f"{func}: the tensor is read-only memory of a batch; write to its clone()")
+            raise InvalidRequest(_refusal(func))

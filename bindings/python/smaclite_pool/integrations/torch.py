@@ -15,7 +15,8 @@ Nothing is copied. The memory is mapped read-only, which torch does not support:
 tensor would end the process with SIGSEGV. The tensors are therefore `ReadOnly`: a write raises
 InvalidRequest, results of computations are ordinary tensors, and views are `ReadOnly` too. `.plain` is the
 ordinary tensor over the same memory, for `torch.compile` or to save the few microseconds per call of the
-guard. Do not write to it, nor through `data_ptr()`, `untyped_storage()` or `torch.utils.dlpack.to_dlpack`.
+guard. Do not write to it, nor through `data_ptr()`, `storage()`, `untyped_storage()` or
+`torch.utils.dlpack.to_dlpack`.
 
 A tensor keeps its batch alive, as an array does. A lane limits the batches held at once to
 `max_held_batches`, so `clone()` what you keep longer. `tensor.to("cuda")` copies; `pinned` makes that copy
