@@ -6,7 +6,7 @@ import copy
 import json
 import pickle
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -101,6 +101,22 @@ def test_samples_are_available_and_seeded() -> None:
     assert env.action_space.sample() in env.action_space
 
 
+@pytest.mark.parametrize("make", [lambda: BattleEnv("2s3z"), lambda: make_vector("2s3z", 4)])
+def test_a_space_takes_the_seed_that_it_returned(make: Callable[[], Any]) -> None:
+    """It was refused as too large, and `seed(None)` did not seed what `sample()` draws."""
+
+    def draw(seed: Any) -> tuple[Any, list[Any]]:
+        used = envs.action_space.seed(seed)
+        return used, [envs.action_space.sample().tolist() for _ in range(8)]
+
+    with closing(make()) as envs:
+        envs.reset(seed=1)
+        used, drawn = draw(None)
+        assert draw(used) == (used, drawn)
+        assert draw(3) == draw(3) != draw(4)
+        assert draw(None)[1] != draw(None)[1]
+
+
 def test_copies_of_spaces_draw_as_their_originals_would() -> None:
     """Their random state was lost: two copies of a seeded space drew different samples."""
     env = BattleEnv("3m")
@@ -174,7 +190,12 @@ def test_seeds() -> None:
     assert play(BattleEnv("2s3z", seed=4)) == play(BattleEnv("2s3z", seed=5), seed=4)
     unseeded = BattleEnv("2s3z")
     assert play(BattleEnv("2s3z", seed=unseeded.np_random_seed)) == play(unseeded)
-    assert BattleEnv("2s3z", seed=4).np_random_seed == 4
+    env = BattleEnv("2s3z", seed=4)
+    with pytest.raises(sp.errors.InvalidRequest, match="seed must be at most"):
+        env.reset(seed=1 << 64)
+    assert env.np_random_seed == 4
+    env.reset(seed=np.int64(6))  # type: ignore[arg-type]
+    assert env.np_random_seed == 6
 
 
 def test_a_custom_scenario(tmp_path: Path) -> None:

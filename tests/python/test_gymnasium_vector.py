@@ -209,17 +209,25 @@ def test_arrays_are_copies_unless_copy_is_false() -> None:
         assert len(held) == 3
 
 
+class Doubled(sp.extras.Wrapper):
+    def change_batch(self, batch: sp.Batch) -> sp.Batch:
+        return batch.replace(reward=2 * batch.reward)
+
+
 def test_a_vector_that_cannot_be_copied_says_so_once() -> None:
     """A half-made copy was closed, which failed in `__del__`, and a shallow one closed the environments."""
     failed: list[Any] = []
     hook, sys.unraisablehook = sys.unraisablehook, failed.append
     try:
-        with closing(make_vector("3m", 1)) as envs:
-            for make_copy in (copy.deepcopy, copy.copy, pickle.dumps):
-                with pytest.raises(TypeError, match="`fork` copies battles"):
-                    make_copy(envs)
-                gc.collect()
-            envs.reset()
+        # Over a wrapper, a shallow copy was one of the wrapper.
+        doubled: Any = Doubled(sp.make("3m", 1))
+        for envs in (make_vector("3m", 1), BattleVectorEnv(doubled)):
+            with closing(envs):
+                for make_copy in (copy.deepcopy, copy.copy, pickle.dumps):
+                    with pytest.raises(TypeError, match="`fork` copies battles"):
+                        make_copy(envs)
+                    gc.collect()
+                envs.reset()
     finally:
         sys.unraisablehook = hook
     assert failed == []
@@ -306,3 +314,19 @@ def test_seeds_are_a_list_as_for_gymnasiums_vectors() -> None:
     assert infos["_battle_won"].tolist() == [False, False, True, True], "was the list that the caller passed"
     theirs.close()
     ours.close()
+
+
+def test_np_random_seed_is_that_of_the_battles() -> None:
+    """It was a number of 128 bits that played no part, and that `reset` refused."""
+    with closing(gymnasium.make_vec("smaclite_pool/3m-v0", num_envs=2, seed=5)) as envs:
+        first, _ = envs.reset()
+        assert envs.np_random_seed == 5
+        again, _ = envs.reset(seed=envs.np_random_seed)
+        np.testing.assert_array_equal(first["state"], again["state"])
+        seeds: list[Any] = [4, (7, 9)]
+        for seed in seeds:
+            envs.reset(seed=seed)
+            assert envs.np_random_seed == seed
+        with pytest.raises(sp.errors.InvalidRequest, match="seed must be at most"):
+            envs.reset(seed=1 << 64)
+        assert envs.np_random_seed == seeds[-1], "a seed that was refused"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -66,12 +67,14 @@ class _SamplesAvailable:
             return None
 
     def seed(self, seed: Any = None) -> Any:  # Gymnasium's versions differ
-        """Seed the space and the sampler of available actions."""
-        if isinstance(seed, int):
-            self._envs.seed_sampler(seed)
-        elif isinstance(seed, Sequence):  # a seed per agent
-            self._envs.seed_sampler(int(np.random.SeedSequence(list(seed)).generate_state(1, np.uint64)[0]))
-        return super().seed(seed)  # type: ignore[misc] # of the space that follows in the order of bases
+        """Seed the space and the sampler of available actions; without a seed, both by the one returned."""
+        used = super().seed(seed)  # type: ignore[misc] # of the space that follows in the order of bases
+        of_sampler = used if seed is None else seed
+        if not isinstance(of_sampler, int) or of_sampler >= 1 << 64:  # a seed per agent, or a random one
+            of_sampler = int(np.random.SeedSequence(of_sampler).generate_state(1, np.uint64)[0])
+        with suppress(Closed):  # then any action will do
+            self._envs.seed_sampler(of_sampler)
+        return used
 
 
 # Not generic at run time before gymnasium 1.4.

@@ -40,6 +40,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .._extra import extra
+from .._layout import unwrapped
 from .._native import Batch, Envs, Renderer, make, scenarios
 from .._render import (
     RENDER_FPS,
@@ -153,6 +154,7 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
         self.single_action_space = single_action_space(envs)
         self.observation_space = batched_observation_space(envs)
         self.action_space = batched_action_space(envs)
+        self._np_random, self._np_random_seed = seeding.np_random(spec.seed)
         self._keys = {key: field for key, field in OBSERVATION_KEYS.items() if field in spec.fields}
         self._info_fields = [name for name in INFO_FIELDS if name in spec.fields]
         if self._stops:
@@ -172,7 +174,6 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
         another number of seeds, a mask of another shape or without any True, and a mask beside snapshots.
         """
         seed = int(seed) if isinstance(seed, np.integer) else seed
-        super().reset(seed=seed if isinstance(seed, int) else None)
         options = options or {}
         mask, snapshot = options.get("reset_mask"), options.get("snapshot")
         if snapshot is not None:
@@ -181,6 +182,7 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
             return self.restore(snapshot, seed=seed)
         if mask is None:
             present, batch = np.ones(self.num_envs, np.bool_), self._envs.reset(seed)
+            self._note_seed(seed)
         else:
             present = np.asarray(mask)
             if present.dtype != np.bool_ or present.shape != (self.num_envs,):
@@ -249,8 +251,17 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
         has one seed per environment. Raises InvalidRequest as `Envs.reset`.
         """
         batch = self._envs.reset(seed, env_id=env_id, snapshots=snapshots)
+        if env_id is None:
+            self._note_seed(seed)
         self._keep(batch)
         return self._observations(batch, ""), self._infos(batch, np.ones(self.num_envs, np.bool_))
+
+    def _note_seed(self, seed: int | Sequence[int | None] | None) -> None:
+        """What `np_random_seed` says: the seed of the environments, or a tuple with one for each."""
+        if isinstance(seed, int):
+            self._np_random, self._np_random_seed = seeding.np_random(seed)
+        elif seed is not None:
+            self._np_random_seed = tuple(seed)  # type: ignore[assignment] # as SyncVectorEnv's
 
     def _keep(self, batch: Batch) -> None:
         self._last = batch if self._stops or "snapshot" in batch.keys() else None
@@ -297,7 +308,7 @@ class BattleVectorEnv(gymnasium.vector.VectorEnv[Arrays, NDArray[Any], NDArray[A
 
     def __reduce_ex__(self, protocol: Any) -> Any:
         # Here, as the end of a half-made or shallow copy would close the environments.
-        return self._envs.__reduce_ex__(protocol)  # raises TypeError and says what to use
+        return unwrapped(self._envs).__reduce_ex__(protocol)  # raises TypeError and says what to use
 
     def close_extras(self, **kwargs: Any) -> None:
         """Close the environments and the window."""
@@ -411,8 +422,9 @@ class BattleEnv(CopiedByArguments, gymnasium.Env[Any, Any]):
         With `options["snapshot"]` the battle continues from a snapshot, as by `restore`, and wrappers begin
         to count anew. Other options are ignored.
         """
-        super().reset(seed=seed)
+        seed = int(seed) if isinstance(seed, np.integer) else seed
         now = self._battle.reset(seed, options)
+        super().reset(seed=seed)  # last: a seed that is refused is not that of the battle
         self._show()
         return self._observation(now), self._info(now)
 
