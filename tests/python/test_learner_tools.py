@@ -131,6 +131,15 @@ def test_who_has_won_if_the_last_units_die_together(tmp_path: Path) -> None:
     assert rates(smacv2={}) == (0, 1, 0)
     assert rates(sides="both", against="nearest") == (0, 1, 0)
     assert rates(opponent="zoo:all-maps") == (0, 1, 0)
+    # Where a team takes turns with a script, the script's episodes were draws, too.
+    needed = ["obs", "state", "avail_actions", "alive", "battle_won", "dead_allies", "dead_enemies"]
+    fields = [*needed, "episode_return", "episode_length", "opponent"]
+    turns: dict[str, Any] = {"opponent": {"zoo:all-maps": 1, "attack_move": 1}}
+    for mode in ("NextStep", "SameStep"):
+        won, drawn, lost = rates(**turns, fields=fields, autoreset_mode=mode)
+        assert won > 0 and drawn > 0 and lost == 0
+    with pytest.raises(AttributeError, match="opponent"):
+        rates(**turns)
 
 
 def test_errors_of_an_evaluation() -> None:

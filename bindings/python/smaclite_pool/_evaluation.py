@@ -11,13 +11,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ._layout import limit_ends, loses_draws, unwrapped
-from ._native import Batch, Envs, ScriptedPolicy, scenario
+from ._native import OPPONENTS, Batch, Envs, ScriptedPolicy, scenario
 from ._requirements import require_environments, require_integer, suggests_keywords
 from ._team import Team
 from ._wrapper import Wrapper
 from .errors import InvalidRequest
 
 Policy = Callable[[Any], ArrayLike]
+
+_LEARNER = OPPONENTS.index("learner")
 
 
 @dataclass(frozen=True)
@@ -98,7 +100,8 @@ def evaluate(
     Where a policy or a trained team plays the enemies (`against`, `make(opponent="zoo:3m")`), an episode
     whose last units die in the same step is a draw; else the agents have won it, as in SMAClite, or nobody,
     with SMACv2's interface. Where units can be healers in that interface, the agents have lost it in either
-    case.
+    case. Where a team takes turns with scripts, the lane must have the field `opponent`, which tells whose
+    episode it was.
 
     Raises:
         InvalidRequest: `episodes` is below 1, the environments have no autoreset or no episode limit, or
@@ -116,16 +119,18 @@ def evaluate(
     counts = np.zeros(spec.num_envs, np.int64)
     counted: list[tuple[int, int, float, int, bool, bool]] = []
     teams_meet = against is not None or spec.opponent_team is not None
+    takes_turns = teams_meet and len(spec.opponents) > 1  # with scripts, by episode
     counts_draws, at_limit = loses_draws(scenario(unwrapped(envs))), limit_ends(envs)
     batch = envs.reset(seed=seed)
     while True:
         decided = batch.terminated & ~at_limit(batch)
+        against_team = batch.opponent == _LEARNER if takes_turns else np.full(len(batch.env_id), teams_meet)
         for slot in np.flatnonzero(batch.terminated | batch.truncated):
             env = int(batch.env_id[slot])
             if counts[env] < quota[env]:
                 dead = (batch.dead_allies[slot], batch.dead_enemies[slot])
                 is_draw = dead == (spec.n_agents, spec.n_enemies)
-                won = bool(batch.battle_won[slot]) and not (is_draw and teams_meet)
+                won = bool(batch.battle_won[slot]) and not (is_draw and against_team[slot])
                 lost = not won and bool(decided[slot]) and (counts_draws or not is_draw)
                 result = (batch.episode_return[slot], batch.episode_length[slot], won, lost)
                 counted.append((env, int(counts[env]), *result))
