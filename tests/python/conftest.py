@@ -10,7 +10,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -141,9 +140,7 @@ def handles(pid: int, number: int) -> bool:
 def stop(server: subprocess.Popen[str]) -> None:
     """Sends SIGSTOP and waits until every thread has stopped: until then one may still answer."""
     server.send_signal(signal.SIGSTOP)
-    threads = Path(f"/proc/{server.pid}/task")
-    while any(") T " not in (thread / "stat").read_text() for thread in threads.iterdir()):
-        time.sleep(0.001)
+    os.waitpid(server.pid, os.WUNTRACED)
 
 
 def program(

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 
-from conftest import REPOSITORY, Serve, run_script
+from conftest import REPOSITORY, Serve, posix, run_script
 
 
 def test_a_batch_has_the_fields_that_the_lane_declares() -> None:
@@ -179,7 +179,8 @@ def test_a_lane_includes_only_selected_fields() -> None:
     [
         "envs.step(envs.sample_actions())",
         "sp.make('2s3z', num_envs=2).reset()",
-        "batch = sp.make('2s3z', num_envs=2).reset(); time.sleep(100)",
+        # Windows removes no file that is mapped; there, the next pool to start removes those of this batch.
+        pytest.param("batch = sp.make('2s3z', num_envs=2).reset(); time.sleep(100)", marks=posix),
         "batch = sp.Spectator(envs.spec.pool).latest(); time.sleep(100)",
     ],
 )

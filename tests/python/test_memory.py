@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 
-from conftest import Serve, run_script, shm_prefix
+from conftest import Serve, linux, run_script, shm_prefix
 
 
 class Mapping(NamedTuple):
@@ -41,6 +41,7 @@ def mapping_of(array: Any) -> Mapping:
     return mapping
 
 
+@linux
 @pytest.mark.parametrize("attached", [False, True])
 def test_zero_copy(attached: bool, serve: Serve, runtime_dir: Path) -> None:
     """An observation is in the iceoryx2 data segment that the supervisor's workers write to, mapped

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 
-from conftest import Serve
+from conftest import Serve, posix
 
 
 def test_a_spectator_sees_the_newest_batch(serve: Serve) -> None:
@@ -77,6 +77,7 @@ def test_a_late_spectator_gets_the_newest_batch_and_counts_what_it_misses(serve:
             assert not seen.obs.flags.writeable
 
 
+@posix
 def test_a_forked_child_and_a_dead_pool_are_errors() -> None:
     envs = sp.make("3m", 1)
     spectator = sp.Spectator(envs.spec.pool)

@@ -18,6 +18,8 @@ import smaclite_pool as sp
 
 from conftest import PROGRAM, Alarm, Serve, handles, linux, posix, run_script, stop
 
+pytestmark = posix  # signals stop processes, and forks are learners
+
 
 def test_an_interrupted_recorder_goes_on(serve: Serve, alarm: Callable[[float], object]) -> None:
     """`n_complete` hid that nothing was received."""
@@ -135,7 +137,6 @@ def test_a_signal_ends_a_command_that_waits_for_a_stopped_pool(
     assert "interrupted" in printed and "did not answer" not in printed, printed
 
 
-@posix
 def test_a_forked_child_exits_at_once_while_its_parent_steps() -> None:
     """It waited 5 s for environments that were busy in its copy of the memory, looking every millisecond."""
     script = """
@@ -167,7 +168,6 @@ print(max(waits))
     assert int(result.stdout) < 200, result.stdout + result.stderr
 
 
-@posix
 def test_a_forked_child_closes_its_own_pool_at_exit() -> None:
     """It forgets its parent's environments, and closes its own."""
     script = """

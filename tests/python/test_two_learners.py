@@ -12,7 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from conftest import REPOSITORY, Serve
+from conftest import REPOSITORY, Serve, posix
+
+pytestmark = posix  # the page's learners meet at a Unix socket
 
 PAGE = REPOSITORY / "docs/how-to/self-play.md"
 POOL = ["3m:16", "--sides", "both", "--mirror", "--name", "arena"]

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 
-from conftest import Alarm, Serve, left_over, posix, run_script, stop
+from conftest import Alarm, Serve, left_over, linux, posix, run_script, stop
 
 Ring = Callable[[float], object]
 
@@ -119,6 +119,7 @@ except sp.errors.PoolDied as error:
 """
 
 
+@linux
 @pytest.mark.parametrize("wait", ["adaptive", "block", "spin"])
 @pytest.mark.parametrize("how", ["interrupted", "died"])
 def test_an_attached_wait_ends(wait: str, how: str, serve: Serve) -> None:
@@ -212,6 +213,7 @@ except sp.errors.StartError as error:
 """
 
 
+@posix
 @pytest.mark.parametrize("call", ["status", "connect", "list", "make"])
 def test_calls_to_a_stopped_supervisor_can_be_interrupted(call: str, serve: Serve) -> None:
     """They once waited for ten seconds, regardless of timeout and Ctrl-C."""
@@ -231,6 +233,7 @@ def test_calls_to_a_stopped_supervisor_can_be_interrupted(call: str, serve: Serv
     assert said.startswith(expected.get(call, "interrupted")), said
 
 
+@posix
 def test_calls_to_a_stopped_supervisor_time_out(serve: Serve) -> None:
     server = serve("2s3z:4", "--name", "train")
     stop(server)
