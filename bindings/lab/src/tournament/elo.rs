@@ -14,10 +14,11 @@
 //! Huber, 1967): as H, with n_ij σ_ij² in the place of n_ij p_ij p_ji, where σ_ij² is the variance of the
 //! scores that i had in these battles. P alone, the inverse of the Fisher information, takes a draw for a
 //! battle that is lost or won by chance, which is far too wide an interval for players who draw most of their
-//! battles.
+//! battles. The battles in which i has the agents and those in which j has them have a variance each, and
+//! n_ij σ_ij² is their sum: that one side of a scenario is the stronger one is no chance.
 //!
 //! A player who wins all battles would have an infinite strength. So each pair that has played is given one
-//! more battle, half won and half lost.
+//! more battle, half won and half lost, of which each of its pairings gets an equal part.
 
 /// The Elo of a player whose strength is the mean of all.
 const MEAN: f64 = 1000.0;
@@ -38,12 +39,25 @@ pub(super) struct Elo {
     pub half_width: f64,
 }
 
-/// Rates players by their points: `points[i][j]` are those of i against j, with draws as halves, and
-/// `draws[i][j]` how many battles of i and j were draws. What a player scores against itself does not count.
-/// All players must be connected by battles.
-pub(super) fn ratings(points: &[Vec<f64>], draws: &[Vec<f64>]) -> Vec<Elo> {
-    let points = with_prior(points);
-    let n = points.len();
+/// The battles of a pairing.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Battles {
+    /// Two that differ.
+    pub players: [usize; 2],
+    pub count: f64,
+    /// Those of the first player, with draws as halves.
+    pub points: f64,
+    pub draws: f64,
+}
+
+/// Rates players, who must all be connected by battles.
+pub(super) fn ratings(n: usize, pairings: &[Battles]) -> Vec<Elo> {
+    let pairings = with_prior(pairings);
+    let mut points = vec![vec![0.0; n]; n];
+    for Battles { players: [one, other], count, points: of_one, .. } in pairings.iter().copied() {
+        points[one][other] += of_one;
+        points[other][one] += count - of_one;
+    }
     let mut strengths = vec![0.0; n];
     for _ in 0..MAX_ITERATIONS {
         let (gradient, inverse) = (gradient(&points, &strengths), inverse(information(&points, &strengths)));
@@ -58,12 +72,11 @@ pub(super) fn ratings(points: &[Vec<f64>], draws: &[Vec<f64>]) -> Vec<Elo> {
     }
     let inverse = inverse(information(&points, &strengths));
     let variance = |i: usize| -> f64 {
-        let pairs = (0..n).flat_map(|j| (0..j).map(move |k| (j, k)));
-        let of_pair = |(j, k): (usize, usize)| {
-            gradient_variance(points[j][k], points[k][j], draws[j][k])
-                * (inverse[i][j] - inverse[i][k]).powi(2)
+        let of_pairing = |battles: &Battles| {
+            let [one, other] = battles.players;
+            battles.points_variance() * (inverse[i][one] - inverse[i][other]).powi(2)
         };
-        pairs.map(of_pair).sum()
+        pairings.iter().map(of_pairing).sum()
     };
     let rating = |(i, strength): (usize, &f64)| Elo {
         elo: MEAN + PER_STRENGTH * strength,
@@ -72,21 +85,26 @@ pub(super) fn ratings(points: &[Vec<f64>], draws: &[Vec<f64>]) -> Vec<Elo> {
     strengths.iter().enumerate().map(rating).collect()
 }
 
-/// The variance of the points of one player against another: of their battles, the sum of the squared
-/// distances of the scores from their mean. A score is 1, 1/2 for a draw, or 0.
-fn gradient_variance(won: f64, lost: f64, draws: f64) -> f64 {
-    let battles = won + lost;
-    let of_squares = won - draws / 4.0; // a draw gives half a point, whose square is a quarter
-    if battles > 0.0 { (of_squares - won * won / battles).max(0.0) } else { 0.0 }
+impl Battles {
+    /// The sum of the squared distances of the scores from their mean. A score is 1, 1/2 for a draw, or 0.
+    fn points_variance(&self) -> f64 {
+        let of_squares = self.points - self.draws / 4.0; // a draw gives half a point, whose square is a quarter
+        (of_squares - self.points * self.points / self.count).max(0.0)
+    }
 }
 
-/// The points with one battle more per pair that has played, and none of a player against itself.
-fn with_prior(points: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    let with_prior = |i: usize, j: usize| {
-        let has_played = i != j && points[i][j] + points[j][i] > 0.0;
-        if has_played { points[i][j] + 0.5 } else { 0.0 }
+/// With one battle more per pair.
+fn with_prior(pairings: &[Battles]) -> Vec<Battles> {
+    let pair = |battles: &Battles| {
+        let [one, other] = battles.players;
+        [one.min(other), one.max(other)]
     };
-    (0..points.len()).map(|i| (0..points.len()).map(|j| with_prior(i, j)).collect()).collect()
+    let with_prior = |battles: &Battles| {
+        let of_pair = pairings.iter().filter(|other| pair(other) == pair(battles)).count();
+        let share = 1.0 / of_pair as f64;
+        Battles { count: battles.count + share, points: battles.points + share / 2.0, ..*battles }
+    };
+    pairings.iter().map(with_prior).collect()
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
@@ -141,11 +159,15 @@ mod tests {
     use super::*;
     use smaclite_learn::random::{Purpose, generator, uniform};
 
+    fn battles(players: [usize; 2], count: f64, points: f64) -> Battles {
+        Battles { players, count, points, draws: 0.0 }
+    }
+
     /// Of two players the maximum is where the expected share is the scored one, and the difference of their
     /// strengths has the variance 1 / (n p q).
     #[test]
     fn two_players_have_the_ratings_of_the_closed_form() {
-        let ratings = ratings(&[vec![0.0, 149.5], vec![49.5, 0.0]], &zeros(2));
+        let ratings = ratings(2, &[battles([0, 1], 199.0, 149.5)]);
         let difference = 400.0 * (150.0f64 / 50.0).log10();
         let deviation = PER_STRENGTH * (1.0 / (200.0 * 0.75 * 0.25_f64)).sqrt();
         for (rating, sign) in ratings.iter().zip([0.5, -0.5]) {
@@ -156,15 +178,21 @@ mod tests {
 
     #[test]
     fn who_wins_all_battles_has_a_finite_rating_and_a_wide_interval() {
-        let ratings = ratings(&[vec![0.0, 1000.0], vec![0.0, 0.0]], &zeros(2));
+        let ratings = ratings(2, &[battles([0, 1], 1000.0, 1000.0)]);
         assert!((ratings[0].elo - ratings[1].elo - 400.0 * 2001.0f64.log10()).abs() < 1e-6, "{ratings:?}");
         assert!(ratings[0].half_width > 200.0, "{ratings:?}");
     }
 
+    /// Where the agents always win, intervals were ten times as wide, as if they won half of the battles by
+    /// chance.
     #[test]
-    fn equal_players_are_equal_and_battles_against_oneself_do_not_count() {
-        let points = vec![vec![0.0, 50.0, 50.0], vec![50.0, 900.0, 50.0], vec![50.0, 50.0, 0.0]];
-        assert!(ratings(&points, &zeros(3)).iter().all(|rating| (rating.elo - 1000.0).abs() < 1e-9));
+    fn the_stronger_side_is_no_chance() {
+        let mut pairings = vec![battles([0, 1], 50.0, 50.0), battles([1, 0], 50.0, 50.0)];
+        let certain = ratings(2, &pairings);
+        assert!(certain.iter().all(|rating| (rating.elo - 1000.0).abs() < 1e-9), "{certain:?}");
+        assert!(certain[0].half_width < 5.0, "{certain:?}");
+        pairings.iter_mut().for_each(|battles| battles.points = 25.0);
+        assert!(ratings(2, &pairings)[0].half_width > 30.0);
     }
 
     /// Tournaments of players whose strengths are known: each true rating is in its interval in about 95 % of
@@ -178,33 +206,30 @@ mod tests {
             let mut inside = 0;
             for tournament in 0..n_tournaments {
                 let mut generator = generator(1, Purpose::Evaluation, [tournament, 0]);
-                let [mut points, mut draws] = [zeros(truth.len()), zeros(truth.len())];
-                for (i, j) in (0..truth.len()).flat_map(|i| (0..i).map(move |j| (i, j))) {
+                let mut pairings = Vec::new();
+                let pairs = (0..truth.len()).flat_map(|i| (0..i).map(move |j| (i, j)));
+                for (i, j) in pairs.filter(|pair| *pair != (3, 0)) {
                     // As many draws as leave the expected share what it is.
                     let expected = share(&truth, i, j);
                     let drawn = of_draws * 2.0 * expected.min(1.0 - expected);
-                    for _ in 0..if (i, j) == (3, 0) { 0 } else { n_battles } {
+                    let mut of_pair = battles([i, j], f64::from(n_battles), 0.0);
+                    for _ in 0..n_battles {
                         let chance = f64::from(uniform(&mut generator));
                         let is_drawn = chance < drawn;
                         let i_wins = !is_drawn && chance < expected + drawn / 2.0;
-                        let of_i = if is_drawn { 0.5 } else { f64::from(u8::from(i_wins)) };
-                        points[i][j] += of_i;
-                        points[j][i] += 1.0 - of_i;
-                        draws[i][j] += f64::from(u8::from(is_drawn));
-                        draws[j][i] = draws[i][j];
+                        of_pair.points += if is_drawn { 0.5 } else { f64::from(u8::from(i_wins)) };
+                        of_pair.draws += f64::from(u8::from(is_drawn));
                     }
+                    pairings.push(of_pair);
                 }
                 let contains = |(rating, strength): (&Elo, &f64)| {
                     (rating.elo - (MEAN + PER_STRENGTH * strength)).abs() < rating.half_width
                 };
-                inside += ratings(&points, &draws).iter().zip(&truth).filter(|&pair| contains(pair)).count();
+                let ratings = ratings(truth.len(), &pairings);
+                inside += ratings.iter().zip(&truth).filter(|&pair| contains(pair)).count();
             }
             let share = inside as f64 / (n_tournaments as f64 * truth.len() as f64);
             assert!((0.92..0.97).contains(&share), "{share}, {of_draws}");
         }
-    }
-
-    fn zeros(n_players: usize) -> Vec<Vec<f64>> {
-        vec![vec![0.0; n_players]; n_players]
     }
 }

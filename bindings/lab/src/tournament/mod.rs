@@ -9,6 +9,7 @@
 mod elo;
 mod pairing;
 
+use elo::Battles;
 pub(crate) use pairing::check_team;
 use pairing::pairings;
 use serde::Serialize;
@@ -280,24 +281,24 @@ impl Tournament {
 
     fn player_scores(&self, pairings: &[Pairing], scores: &[Score]) -> Vec<PlayerScore> {
         let n = self.players.len();
-        let [mut points, mut draws] = [vec![vec![0.0; n]; n], vec![vec![0.0; n]; n]];
-        let mut played = vec![0.0; n];
+        let [mut points, mut played] = [vec![0.0; n], vec![0.0; n]];
+        let mut battles = Vec::new();
         for (pairing, score) in pairings.iter().zip(scores).filter(|(p, _)| p.agents != p.enemies) {
-            let (episodes, share) = (score.episodes as f64, score.points());
-            points[pairing.agents][pairing.enemies] += episodes * share;
-            points[pairing.enemies][pairing.agents] += episodes * (1.0 - share);
-            for (one, other) in [(pairing.agents, pairing.enemies), (pairing.enemies, pairing.agents)] {
-                draws[one][other] += score.draws as f64;
-                played[one] += episodes;
+            let (count, players) = (score.episodes as f64, [pairing.agents, pairing.enemies]);
+            let of_agents = count * score.points();
+            for (player, of_player) in players.into_iter().zip([of_agents, count - of_agents]) {
+                points[player] += of_player;
+                played[player] += count;
             }
+            battles.push(Battles { players, count, points: of_agents, draws: score.draws as f64 });
         }
-        let ratings = elo::ratings(&points, &draws);
+        let ratings = elo::ratings(n, &battles);
         let player = |(i, rating): (usize, elo::Elo)| PlayerScore {
             player: self.players[i].clone(),
             elo: rating.elo,
             elo_low: rating.elo - rating.half_width,
             elo_high: rating.elo + rating.half_width,
-            points: points[i].iter().sum::<f64>() / played[i].max(1.0),
+            points: points[i] / played[i].max(1.0),
         };
         ratings.into_iter().enumerate().map(player).collect()
     }
