@@ -120,7 +120,8 @@ pub fn verify(
 ) -> Result<Verification, VerifyError> {
     let mut verifier = Verifier::open(folder, threads)?;
     let mut verification = Verification::default();
-    let (all, result) = (recorded(folder)?, FinalResult::read(folder)?);
+    let all = recorded(folder)?;
+    let result = verifier.final_result(&all)?;
     verifier.check_steps(&all, result.as_ref())?;
     verifier.check_trained_steps(&all, result.as_ref())?;
     for (row, recorded) in spread(&all, evaluations) {
@@ -199,7 +200,23 @@ impl<'a> Verifier<'a> {
         VerifyError::Mismatch { folder: self.folder.display().to_string(), mismatch }
     }
 
-    /// No evaluation was left out, as far as the run has come, and it has come to the end that it was to.
+    /// The final episodes, if the run has come to the end that it was to. A complete run that was resumed with
+    /// more steps keeps those of the earlier end until then.
+    fn final_result(
+        &self,
+        all: &[(EvaluationRow, BothEpisodes)],
+    ) -> Result<Option<FinalResult>, VerifyError> {
+        let (result, end) = (FinalResult::read(self.folder)?, self.run.config.steps);
+        match result {
+            Some(FinalResult { run_steps: played, .. }) if played < end => {
+                let was_at_end = all.last().is_some_and(|(row, _)| row.steps >= end);
+                if was_at_end { Err(self.mismatch(Mismatch::OtherEnd { played, end })) } else { Ok(None) }
+            }
+            result => Ok(result),
+        }
+    }
+
+    /// No evaluation was left out, as far as the run has come.
     fn check_steps(
         &self,
         all: &[(EvaluationRow, BothEpisodes)],
@@ -211,12 +228,7 @@ impl<'a> Verifier<'a> {
         if let Some(steps) = missing(&steps, every, end, result.is_some()) {
             return Err(self.mismatch(Mismatch::Missing { steps, every, end }));
         }
-        match result {
-            Some(result) if result.run_steps < end => {
-                Err(self.mismatch(Mismatch::OtherEnd { played: result.run_steps, end }))
-            }
-            _ => Ok(()),
-        }
+        Ok(())
     }
 
     /// Rows have the trained steps that the log has after as many updates, and the final result has those of

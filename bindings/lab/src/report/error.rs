@@ -20,8 +20,8 @@ pub enum ReportError {
     )]
     NoEvaluations(PathBuf),
     #[error(
-        "`{}` is not complete: it has no final episodes (final.json); resume the run until its end, or leave \
-         it out", .0.display()
+        "`{}` is not complete: its final episodes (final.json) are missing, or of an earlier end; resume the \
+         run until its end, or leave it out", .0.display()
     )]
     Incomplete(PathBuf),
     #[error(

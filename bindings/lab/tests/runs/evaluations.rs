@@ -312,7 +312,9 @@ fn a_complete_run_is_set_back_until_it_learns_more() {
     for longer in [[made + 1000, made + 1000], [made + 1000, made + 2000]] {
         longer.iter().for_each(|steps| drop(resume(*steps).unwrap()));
         let report = Benchmark::read(&[("run".to_owned(), path.clone())]).unwrap_err().to_string();
-        assert!(report.contains("is not complete"), "{report}");
+        assert!(report.contains("is not complete") && report.contains("of an earlier end"), "{report}");
+        // Without the final episodes, which are of the earlier end; an evaluation at the new one was missed.
+        assert!(!verify(&path, 2, 1, &mut || false).unwrap().is_final);
         drop(resume(930).unwrap());
         assert!(all_files(&path) == before, "files were changed");
     }
