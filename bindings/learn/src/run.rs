@@ -30,7 +30,7 @@ use crate::tensors::{FileError, create_folder, exists, remove_incomplete};
 use crate::training::{Record, TrainError, Training};
 use crate::weights::{read_actor, write_actor, write_weights};
 use crate::zoo_folders;
-use smaclite_engine::BattleSetup;
+use smaclite_engine::{BattleSetup, Opponent};
 use smaclite_ipc::ClientError;
 use smaclite_units::file::os::to_lock;
 use std::fs::{File, TryLockError};
@@ -158,6 +158,10 @@ impl Run {
         let rival_folder =
             config.enemies.folder().map(|own| other.map_or(own.to_owned(), |other| other.join(OPPONENT)));
         let (mut setups, lanes): (Vec<BattleSetup>, Vec<Lanes>) = maps.into_iter().unzip();
+        if !config.enemies.are_scripts() {
+            // Also where the scenario has an opponent of its own: figures of runs are compared.
+            setups.iter_mut().for_each(|setup| setup.opponents = Opponent::AttackMove.into());
+        }
         let setup = setups.remove(0);
         check_free(folder)?;
         let rival =

@@ -302,8 +302,10 @@ impl Training {
         let saved = maps.iter_mut().map(|map| map.lanes.save(&mut || false));
         state.envs = saved.collect::<Result<Option<Vec<_>>, _>>()?;
         let rollouts = || maps.iter().map(|map| &map.rollout);
-        state.recent.extend(in_turn(rollouts().map(|rollout| &rollout.episodes[..])));
-        state.recent.drain(..state.recent.len().saturating_sub(RECENT * maps.len()));
+        for (map, rollout) in (0..).zip(rollouts()) {
+            state.recent.extend(rollout.episodes.iter().map(|ended| Recent { ended: *ended, map }));
+        }
+        keep_newest(&mut state.recent, maps.len());
         state.progress.updates += 1;
         state.league = league;
         if let Enemies::SelfPlay(play) = config.enemies
@@ -380,16 +382,16 @@ impl Training {
     }
 }
 
-/// The episodes of all maps, as they would have ended if the maps had been played at once: the newest of a
-/// run are those of all its maps.
-fn in_turn<'a>(maps: impl Iterator<Item = &'a [Ended]>) -> impl Iterator<Item = Recent> {
-    let of_map = |(map, all): (usize, &'a [Ended])| {
-        let when = move |i: usize| (i as f64 + 0.5) / all.len() as f64;
-        all.iter().enumerate().map(move |(i, ended)| (when(i), Recent { ended: *ended, map: map as u64 }))
-    };
-    let mut all: Vec<(f64, Recent)> = maps.enumerate().flat_map(of_map).collect();
-    all.sort_by(|(a, _), (b, _)| a.total_cmp(b));
-    all.into_iter().map(|(_, recent)| recent)
+/// Keeps the newest episodes of each map: those of maps with short battles would push out the others.
+fn keep_newest(recent: &mut Vec<Recent>, n_maps: usize) {
+    let mut counts = vec![0; n_maps];
+    recent.reverse();
+    recent.retain(|recent| {
+        let Some(count) = counts.get_mut(recent.map as usize) else { return false };
+        *count += 1;
+        *count <= RECENT
+    });
+    recent.reverse();
 }
 
 /// NaN of nothing.
@@ -411,23 +413,18 @@ mod tests {
     use super::*;
     use crate::rollout::Episode;
 
+    /// Those of a map with short battles pushed out the others.
     #[test]
-    fn the_newest_episodes_are_those_of_all_maps() {
-        let of_map = |length, count| {
+    fn every_map_has_its_newest_episodes() {
+        let of_map = |(map, length): (u64, i32)| {
             let episode = Episode { episode_return: 0.0, length, won: false };
-            vec![Ended { episode, against: Against::Script }; count]
+            Recent { ended: Ended { episode, against: Against::Script }, map }
         };
-        let maps = [of_map(1, 300), of_map(2, 100), of_map(3, 1)];
-        let all = in_turn(maps.iter().map(|ended| &ended[..]));
-        let all: Vec<i32> = all
-            .map(|recent| {
-                assert_eq!(recent.ended.episode.length, recent.map as i32 + 1);
-                recent.ended.episode.length
-            })
-            .collect();
-        assert_eq!(all.len(), 401);
-        let counts = |lengths: &[i32]| [1, 2, 3].map(|map| lengths.iter().filter(|l| **l == map).count());
-        assert_eq!(counts(&all[all.len() - RECENT..]), [150, 50, 0]);
-        assert_eq!(counts(&all[..RECENT + 1]), [150, 50, 1]);
+        let ended = (0..300).map(|length| (0, length)).chain((0..40).map(|length| (2, length)));
+        let mut recent: Vec<Recent> = ended.map(of_map).collect();
+        keep_newest(&mut recent, 3);
+        let kept: Vec<_> = recent.iter().map(|recent| (recent.map, recent.ended.episode.length)).collect();
+        let expected = (100..300).map(|length| (0, length)).chain((0..40).map(|length| (2, length)));
+        assert_eq!(kept, expected.collect::<Vec<_>>());
     }
 }

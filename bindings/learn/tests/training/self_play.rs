@@ -1,8 +1,10 @@
 //! Teams that play the enemies: the team itself, copies of it, and teams of other runs.
 
-use crate::kit::{Place, check_resumed, check_threads, complete, evaluation, small};
-use smaclite_engine::Rules;
-use smaclite_learn::{Config, Enemies, Evaluation, Lanes, Run, SelfPlay, evaluate, resolve_scenario};
+use crate::kit::{Place, check_resumed, check_threads, complete, evaluation, scenario, small};
+use smaclite_engine::{BattleSetup, Opponent, Rules};
+use smaclite_learn::{
+    Config, Enemies, Evaluation, Lanes, Run, RunDescription, SelfPlay, evaluate, resolve_scenario,
+};
 use std::fs;
 
 /// A run against the opponents of `enemies`.
@@ -85,6 +87,20 @@ fn a_team_trains_against_a_trained_team_and_is_evaluated_against_it() {
         "{weak:?} {equal:?} {strong:?}"
     );
     assert_eq!(evaluate_against("moved", "resumed"), strong, "equal seeds give equal episodes");
+}
+
+/// Where the scenario has an opponent of its own, evaluations were against that one.
+#[test]
+fn where_teams_play_the_enemies_evaluations_are_against_attack_move() {
+    let place = Place::new();
+    let setup = BattleSetup { opponents: Opponent::AttackNearest.into(), ..scenario() };
+    let cases = [(Enemies::Scripts, "attack_nearest"), (Enemies::SelfPlay(SelfPlay::ALONE), "attack_move")];
+    for (enemies, expected) in cases {
+        let path = place.path(expected);
+        let lanes = Lanes::start(&enemies.setup(&setup), 10, 0, 1, &place.runtime_dir).unwrap();
+        drop(Run::begin(&path, Config { enemies, ..small() }, &setup, lanes, 1).unwrap());
+        assert_eq!(RunDescription::read(&path).unwrap().setup.opponents.to_string(), expected);
+    }
 }
 
 #[test]
