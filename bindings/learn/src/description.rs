@@ -5,7 +5,7 @@ use crate::config::{Config, ConfigError, Enemies, NetworkKind};
 use crate::lane_error::{LaneError, UnequalUnits, check_equal_sides};
 use crate::lanes::{Lanes, sizes_with_history};
 use crate::team::{Network, OnScenario};
-use crate::tensors::{FileError, create_folder, exists, read, write};
+use crate::tensors::{FileError, create_folder, exists, read, read_text, write};
 use crate::weights::read_actor;
 use crate::zoo;
 use serde::{Deserialize, Serialize};
@@ -319,14 +319,14 @@ impl Weights {
     /// learn to beat.
     pub fn of(folder: &Path, run: &RunDescription) -> Weights {
         let is_self_play = matches!(run.config.enemies, Enemies::SelfPlay(_));
-        let is_evaluated = [BEST, EVALUATIONS].iter().any(|name| exists(&folder.join(name)));
-        if !is_self_play && is_evaluated { Weights::Best } else { Weights::Last }
+        let has_best = exists(&folder.join(BEST)) || was_evaluated(folder);
+        if !is_self_play && has_best { Weights::Best } else { Weights::Last }
     }
 
     /// Says why a run has no such weights, if there is a reason other than damage.
     fn check_kept(self, folder: &Path) -> Result<(), FileError> {
         let why = match self {
-            Weights::Best if exists(&folder.join(EVALUATIONS)) => {
+            Weights::Best if was_evaluated(folder) => {
                 "it was evaluated, so they were lost; `train --resume` writes them again, or choose the last \
                  weights"
             }
@@ -350,6 +350,14 @@ impl Weights {
             Weights::Best => BEST,
         }
     }
+}
+
+/// Whether an evaluation of the run in a folder is complete. A run that is to be evaluated has the file, with
+/// its header, from the beginning on; a row is written last. A file that cannot be read is no reason to play
+/// other weights without a word.
+fn was_evaluated(folder: &Path) -> bool {
+    let complete_lines = |text: String| text.matches('\n').count();
+    read_text(&folder.join(EVALUATIONS)).map_or(true, |text| complete_lines(text) > 1)
 }
 
 smaclite_units::keywords!(Weights, "weights", "last" => Last, "best" => Best);

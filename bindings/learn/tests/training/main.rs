@@ -11,7 +11,9 @@ use crate::kit::{Place, check_resumed, check_threads, complete, evaluated, scena
 use serde_json::Value;
 use smaclite_engine::{BattleSetup, EpisodeLimit, Rules};
 use smaclite_ipc::{LaneConfig, Supervisor, SupervisorConfig};
-use smaclite_learn::{Algorithm, Config, EvaluationFiles, Lanes, NetworkKind, Run, RunDescription};
+use smaclite_learn::{
+    Algorithm, Config, EvaluationFiles, Lanes, NetworkKind, Run, RunDescription, TrainedTeam, Weights,
+};
 use smaclite_pool::fields::FieldSet;
 use smaclite_pool::{Autoreset, PoolOptions};
 use smaclite_scenarios::ScenarioFiles;
@@ -67,6 +69,26 @@ fn best_weights_that_were_lost_are_written_again_as_they_were() {
     fs::remove_file(&best).unwrap();
     drop(Run::resume(&place.path("run"), None, place.lanes(10, 1), 1).unwrap());
     assert!(fs::read(&best).unwrap() == before);
+}
+
+/// The header of its evaluations was taken for one, and its best weights for lost.
+#[test]
+fn a_run_that_was_interrupted_in_its_first_evaluation_plays_its_last_weights() {
+    let place = Place::new();
+    let mut run = place.begin("run", &evaluated(), 1);
+    assert!(!run.train(&mut || true, &|_| {}).unwrap());
+    let path = place.path("run");
+    let played = || place.evaluate("run", 3).0.weights;
+    let rows = fs::read_to_string(path.join("evaluations.csv")).unwrap();
+    assert_eq!((rows.lines().count(), played()), (1, Weights::Last));
+    let best = || TrainedTeam::open_with(&path, Some(Weights::Best)).unwrap_err().to_string();
+    assert!(best().contains("/run` has no best.safetensors: it was not evaluated while"), "{}", best());
+    // What a killed process left of a row is none.
+    fs::write(path.join("evaluations.csv"), rows.clone() + "0,0,0,1.5").unwrap();
+    assert_eq!(played(), Weights::Last);
+    fs::write(path.join("evaluations.csv"), rows + "0,0,0,1.5,0.0,1.4,0.0,20.0,20.0,0.0,0.0\n").unwrap();
+    assert!(best().contains("it was evaluated, so they were lost"), "{}", best());
+    assert!(TrainedTeam::open(&path).unwrap_err().to_string() == best());
 }
 
 #[test]
