@@ -28,6 +28,14 @@ pub(crate) struct Progress {
     pub cpu_seconds: f64,
 }
 
+impl Progress {
+    /// Reads how far the run of a checkpoint was, and nothing else of it.
+    pub fn read(path: &Path) -> Result<Progress, FileError> {
+        let bytes = read(path)?;
+        Ok(read_progress(&Arrays::decode(path, &bytes)?)?.0)
+    }
+}
+
 /// The state of a run between two updates.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Checkpoint {
@@ -103,20 +111,12 @@ impl Checkpoint {
         let arrays = Arrays::decode(path, &bytes)?;
         check_run(&arrays, run)?;
         let RunDescription { config, inputs, .. } = run;
-        let counts: Vec<u64> = arrays.shaped("counts", &[5])?;
-        let times: Vec<f64> = arrays.shaped("times", &[2])?;
+        let (progress, adam_steps) = read_progress(&arrays)?;
         let normaliser: Vec<f64> = arrays.shaped("normaliser", &[3])?;
         let mut team = Team::new(config, inputs);
         team.normaliser = Normaliser { mean: normaliser[0], square: normaliser[1], weight: normaliser[2] };
-        read_network(&arrays, "actor", counts[3], &mut team.actor)?;
-        read_network(&arrays, "critic", counts[4], &mut team.critic)?;
-        let progress = Progress {
-            updates: counts[0],
-            steps: counts[1],
-            episodes: counts[2],
-            seconds: times[0],
-            cpu_seconds: times[1],
-        };
+        read_network(&arrays, "actor", adam_steps[0], &mut team.actor)?;
+        read_network(&arrays, "critic", adam_steps[1], &mut team.critic)?;
         let recent = read_recent(&arrays)?;
         let mut envs = Vec::new();
         while arrays.has(&of_map("snapshots", envs.len())) {
@@ -219,6 +219,15 @@ fn read_recent(arrays: &Arrays) -> Result<Vec<Recent>, FileError> {
     };
     let ended = recent.chunks_exact(3).zip(against).map(ended);
     Ok(ended.zip(maps).map(|(ended, map)| Recent { ended, map }).collect())
+}
+
+/// Reads how far a run was, and how many steps the optimisers of actor and critic had made.
+fn read_progress(arrays: &Arrays) -> Result<(Progress, [u64; 2]), FileError> {
+    let counts: Vec<u64> = arrays.shaped("counts", &[5])?;
+    let times: Vec<f64> = arrays.shaped("times", &[2])?;
+    let [updates, steps, episodes] = [counts[0], counts[1], counts[2]];
+    let progress = Progress { updates, steps, episodes, seconds: times[0], cpu_seconds: times[1] };
+    Ok((progress, [counts[3], counts[4]]))
 }
 
 /// Reads the parameters of a network and its optimiser, which has made `steps` steps.

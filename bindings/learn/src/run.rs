@@ -16,7 +16,7 @@
 //! While a process writes to it, it has the lock (`flock`) of the folder. The system releases it at the end
 //! of the process.
 
-use crate::checkpoint::Checkpoint;
+use crate::checkpoint::{Checkpoint, Progress};
 use crate::config::Config;
 use crate::description::{
     LOG, OPPONENT, RunDescription, WEIGHTS, Weights, copy_team, read_rival, write_description,
@@ -245,20 +245,7 @@ impl Run {
             number => read_actor(&copy_path(folder, number), actor.clone()),
         };
         let state = Checkpoint::read(&path, &description, &mut read_rival)?;
-        // A complete run has made some steps more than described, and can be resumed with that number.
-        let (given, made) = (config.steps, state.progress.steps);
-        if given != described && made > 0 {
-            let before = KeptLines::read(&folder.join(LOG), state.progress.updates)?.steps_before;
-            let is_end = given <= made && before.is_some_and(|before| before < given);
-            match description.former_steps.iter().position(|former| *former == given) {
-                // It ended so before, and has learnt nothing since.
-                Some(then) if is_end => description.former_steps.truncate(then),
-                _ if given < made => {
-                    return Err(TrainError::FewerSteps { folder: folder.display().to_string(), given, made });
-                }
-                _ => description.former_steps.push(described),
-            }
-        }
+        change_steps(folder, &mut description, described, state.progress)?;
         let training = Training::resume(config, lanes, threads, state)?;
         let run = Run::open(folder, description, training, threads, lock)?;
         // Last: an error before it leaves the old number of steps.
@@ -384,6 +371,43 @@ impl Run {
         self.last_checkpoint = Instant::now();
         Ok(())
     }
+}
+
+/// Refuses a number of steps with which [`Run::resume_on_maps`] would refuse the run in a folder, and changes
+/// nothing.
+///
+/// # Errors
+/// If it does, or cannot read what it compares.
+pub(crate) fn check_steps(folder: &Path, run: &RunDescription, steps: u64) -> Result<(), TrainError> {
+    let mut changed = run.clone();
+    changed.config.steps = steps;
+    let progress = Progress::read(&folder.join(CHECKPOINT))?;
+    change_steps(folder, &mut changed, run.config.steps, progress)
+}
+
+/// Says in the description of a run what its number of steps was, `described`, if it has another one now. A
+/// complete run has made some steps more than described, and can be resumed with that number.
+fn change_steps(
+    folder: &Path,
+    description: &mut RunDescription,
+    described: u64,
+    Progress { updates, steps: made, .. }: Progress,
+) -> Result<(), TrainError> {
+    let given = description.config.steps;
+    if given == described || made == 0 {
+        return Ok(());
+    }
+    let before = KeptLines::read(&folder.join(LOG), updates)?.steps_before;
+    let is_end = given <= made && before.is_some_and(|before| before < given);
+    match description.former_steps.iter().position(|former| *former == given) {
+        // It ended so before, and has learnt nothing since.
+        Some(then) if is_end => description.former_steps.truncate(then),
+        _ if given < made => {
+            return Err(TrainError::FewerSteps { folder: folder.display().to_string(), given, made });
+        }
+        _ => description.former_steps.push(described),
+    }
+    Ok(())
 }
 
 /// The folder, in that of a run, of its copies.

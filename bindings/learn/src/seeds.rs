@@ -9,7 +9,7 @@ use crate::config::Config;
 use crate::description::RunDescription;
 use crate::lanes::Lanes;
 use crate::parallel;
-use crate::run::{Run, TrainEvent, check_free};
+use crate::run::{Run, TrainEvent, check_free, check_steps};
 use crate::run_folders::{runs_in, seed_folder};
 use crate::training::TrainError;
 pub use error::SeedsError;
@@ -84,12 +84,14 @@ impl Seeds {
     /// they were to make; `None` if there are none.
     ///
     /// # Errors
-    /// If one cannot be read, or they are not runs that differ in their seeds alone.
+    /// If one cannot be read, they are not runs that differ in their seeds alone, or one has made more than
+    /// `steps` steps: then no run is trained, as those that have made fewer could not be set back.
     pub fn open(folder: &Path, steps: Option<u64>) -> Result<Option<Seeds>, SeedsError> {
         let runs = runs_in(folder)?;
         check_together(folder, &runs)?;
-        if steps.is_none() {
-            check_steps(&runs)?;
+        match steps {
+            None => check_equal_steps(&runs)?,
+            Some(steps) => check_steps_made(&runs, steps)?,
         }
         let runs: Vec<_> = runs.into_iter().map(|(path, run)| (run.config.seed, path)).collect();
         Ok(if runs.is_empty() { None } else { Some(Seeds { runs }) })
@@ -183,11 +185,24 @@ fn check_together(folder: &Path, runs: &[(PathBuf, RunDescription)]) -> Result<(
 
 /// All runs are to make the same number of steps. They are not if they were to be extended, and the process
 /// ended before it came to all of them.
-fn check_steps(runs: &[(PathBuf, RunDescription)]) -> Result<(), SeedsError> {
+fn check_equal_steps(runs: &[(PathBuf, RunDescription)]) -> Result<(), SeedsError> {
     let other = runs.windows(2).find(|pair| pair[0].1.config.steps != pair[1].1.config.steps);
     let Some([(first, a), (second, b)]) = other else { return Ok(()) };
     let (first, second) = (first.clone(), second.clone());
     Err(SeedsError::OtherSteps { first, second, steps: [a, b].map(|run| run.config.steps) })
+}
+
+/// No run has made more than so many steps, if it is not to be set back to them. What cannot be read is an
+/// error of its run alone, when it is trained. The error is of the run that has made most of them.
+fn check_steps_made(runs: &[(PathBuf, RunDescription)], steps: u64) -> Result<(), SeedsError> {
+    let refused = runs.iter().filter_map(|(path, run)| match check_steps(path, run, steps) {
+        Err(TrainError::FewerSteps { folder, given, made }) => Some((made, folder, given)),
+        _ => None,
+    });
+    match refused.max() {
+        Some((made, folder, given)) => Err(TrainError::FewerSteps { folder, given, made }.into()),
+        None => Ok(()),
+    }
 }
 
 /// Begins a run, beside another one if there is one, whose opponents it has.

@@ -164,3 +164,25 @@ fn runs_that_were_not_trained_together_are_not_continued_together() {
     assert!(Seeds::open(&folder, Some(2000)).unwrap().is_some());
     assert!(folder.join("seed-3/final.json").exists(), "nothing was changed");
 }
+
+/// The other runs were trained to their ends with fewer steps than one had made, and could not be set back.
+#[test]
+fn too_few_steps_for_one_seed_train_none() {
+    let place = Place::new();
+    let folder = place.path("runs");
+    let train = |name: &str, seed, steps| place.train(name, &Config { seed, steps, ..small() }, 1).steps;
+    let [first, second] = [train("runs/seed-3", 3, 600), train("runs/seed-4", 4, 930)];
+    assert!(first < 930);
+    drop(place.begin("runs/seed-5", &Config { seed: 5, ..small() }, 1));
+    // The first run is complete with 600.
+    for given in [1, 300, 600, 929] {
+        let error = Seeds::open(&folder, Some(given)).unwrap_err().to_string();
+        let expected = format!("/runs/seed-4` has made {second} steps: --steps must be at least that many");
+        assert!(error.contains(&expected), "{given}: {error}");
+    }
+    for given in [930, second + 1] {
+        let runs = Seeds::open(&folder, Some(given)).unwrap().unwrap();
+        let results = runs.train(Some(given), 2, &place.runtime_dir, &|| false, &|_, _| {});
+        assert!(results.iter().all(|(_, result)| result.is_ok()), "{results:?}");
+    }
+}
