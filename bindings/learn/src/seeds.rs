@@ -31,7 +31,7 @@ use std::path::{Path, PathBuf};
 /// let scenario = resolve_scenario("3m", Rules::Smaclite)?;
 /// let small = Config { num_envs: 4, horizon: 8, minibatches: 2, hidden: vec![8], ..Config::for_agents(3) };
 /// let config = Config { seed: 1, steps: 64, ..small };
-/// let seeds = Seeds::begin(&path, &config, 3, &[scenario], &runtime_dir)?;
+/// let seeds = Seeds::begin(&path, &config, 3, &[scenario], &runtime_dir, &mut || false)?;
 /// let results = seeds.train(None, 2, &runtime_dir, &|| false, &|seed, event| {
 ///     println!("{seed}: {event:?}");
 /// });
@@ -64,20 +64,22 @@ impl Seeds {
     ///
     /// # Errors
     /// If the folder has runs, and as [`Run::begin`]; the runs before the one that failed have begun, and
-    /// [`complete`](Seeds::complete) begins the others.
+    /// [`complete`](Seeds::complete) begins the others: also if `interrupted`, which is asked before each run
+    /// but the first, returned true.
     pub fn begin(
         folder: &Path,
         config: &Config,
         count: u64,
         setups: &[BattleSetup],
         runtime_dir: &RuntimeDir,
+        interrupted: &mut dyn FnMut() -> bool,
     ) -> Result<Seeds, SeedsError> {
         check_seeds(config.seed, count)?;
         // Also of other seeds: with other options, these would be no runs of one algorithm.
         check_free(folder)?;
         let path = seed_folder(folder, config.seed);
         begin(&path, None, config.clone(), setups, runtime_dir)?; // else, there is nothing to continue
-        Seeds { runs: vec![(config.seed, path)] }.complete(count, runtime_dir)
+        Seeds { runs: vec![(config.seed, path)] }.complete(count, runtime_dir, interrupted)
     }
 
     /// The runs in the subfolders of a folder, which are to be trained to `steps` steps, or to as many as
@@ -102,7 +104,12 @@ impl Seeds {
     ///
     /// # Errors
     /// If there are runs with other seeds than these; and as [`begin`](Seeds::begin).
-    pub fn complete(mut self, count: u64, runtime_dir: &RuntimeDir) -> Result<Seeds, SeedsError> {
+    pub fn complete(
+        mut self,
+        count: u64,
+        runtime_dir: &RuntimeDir,
+        interrupted: &mut dyn FnMut() -> bool,
+    ) -> Result<Seeds, SeedsError> {
         let ends = self.runs.first().cloned().zip(self.runs.last().cloned());
         let Some(((first, model), (last, _))) = ends else { return Ok(self) };
         let folder = model.parent().unwrap_or(Path::new("")).to_owned();
@@ -114,6 +121,9 @@ impl Seeds {
         let setups: Vec<BattleSetup> = run.setups().cloned().collect();
         for seed in (0..count).map(|i| first + i) {
             if self.runs.iter().all(|(begun, _)| *begun != seed) {
+                if interrupted() {
+                    return Err(SeedsError::Interrupted { folder, begun: self.runs.len(), count });
+                }
                 let (path, config) = (seed_folder(&folder, seed), Config { seed, ..run.config.clone() });
                 let begun = begin(&path, Some(&model), config, &setups, runtime_dir);
                 let source = |source| SeedsError::NotBegun { seed, folder: folder.clone(), count, source };

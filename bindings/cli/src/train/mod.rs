@@ -232,7 +232,7 @@ impl Train {
             && let Some(runs) = Seeds::open(folder, self.steps)?
         {
             let runs = match self.seeds {
-                Some(count) => runs.complete(count as u64, runtime_dir)?,
+                Some(count) => runs.complete(count as u64, runtime_dir, interrupted)?,
                 None => runs,
             };
             return Ok(Opened::Several(runs));
@@ -287,7 +287,8 @@ impl Train {
         let Hyperparameters { num_envs, last_actions, .. } = self.hyperparameters;
         config = std::mem::take(&mut self.hyperparameters).apply(config);
         if let Some(count) = self.seeds {
-            return Ok(Opened::Several(Seeds::begin(&out, &config, count as u64, &setups, runtime_dir)?));
+            let seeds = Seeds::begin(&out, &config, count as u64, &setups, runtime_dir, interrupted)?;
+            return Ok(Opened::Several(seeds));
         }
         if setups.len() > 1 {
             config.check()?;

@@ -230,6 +230,23 @@ fn seeds_train_in_folders_of_their_own() {
     folder.fails("train --resume runs --steps 9000", 1, other);
 }
 
+#[test]
+fn ctrl_c_ends_the_beginning_of_many_seeds() {
+    let folder = &Place::new();
+    let child = spawn(folder, &format!("train 3m --steps 1e8 --seeds 2000 --out runs {SMALL}"));
+    wait_until(|| folder.join("runs/seed-1/run.json").exists());
+    send_signal(&child, Signal::INT);
+    let done = child.wait_with_output().expect("an end");
+    let message = String::from_utf8_lossy(&done.stderr);
+    assert_eq!(done.status.code(), Some(128 + 2), "{done:?}"); // SIGINT
+    let expected = "of 2000 seeds had begun; `train --resume runs --seeds 2000` begins the missing runs";
+    assert!(
+        message.starts_with("smaclite-pool: interrupted when ") && message.contains(expected),
+        "{message}"
+    );
+    assert!(!folder.join("runs/seed-1999").exists());
+}
+
 /// "say which one" did not say how, and MAP had said it already.
 #[test]
 fn the_lane_of_a_pool_is_the_one_that_plays_the_map() {

@@ -20,7 +20,7 @@ fn universal() -> Config {
 fn begin(place: &Place, name: &str, count: u64) -> Seeds {
     let setups: Vec<BattleSetup> =
         ["3m", "2s3z"].iter().map(|name| resolve_scenario(name, Rules::default()).unwrap()).collect();
-    Seeds::begin(&place.path(name), &universal(), count, &setups, &place.runtime_dir).unwrap()
+    Seeds::begin(&place.path(name), &universal(), count, &setups, &place.runtime_dir, &mut || false).unwrap()
 }
 
 #[test]

@@ -9,7 +9,9 @@ use std::path::PathBuf;
 
 /// Trains `count` seeds in a folder.
 pub fn train(place: &Place, name: &str, count: u64, config: &Config) {
-    let seeds = Seeds::begin(&place.path(name), config, count, &[scenario()], &place.runtime_dir).unwrap();
+    let seeds =
+        Seeds::begin(&place.path(name), config, count, &[scenario()], &place.runtime_dir, &mut || false)
+            .unwrap();
     let results = seeds.train(None, 2, &place.runtime_dir, &|| false, &|_, _| {});
     assert!(results.iter().all(|(_, result)| result.is_ok()), "{results:?}");
 }
@@ -64,7 +66,8 @@ fn runs_that_were_extended_are_noted_beside_others() {
     let notes = |folder| read(&place, &[("a", folder)]).unwrap().notes().join("\n");
     assert!(!notes("runs").contains("more than their seeds"));
     let folder = place.path("runs");
-    let both = Seeds::open(&folder, None).unwrap().unwrap().complete(2, &place.runtime_dir).unwrap();
+    let both =
+        Seeds::open(&folder, None).unwrap().unwrap().complete(2, &place.runtime_dir, &mut || false).unwrap();
     both.train(None, 1, &place.runtime_dir, &|| false, &|_, _| {});
     let found = notes("runs");
     assert!(found.contains("the runs of a on 3m differ in more than their seeds"), "{found}");

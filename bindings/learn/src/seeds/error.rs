@@ -39,4 +39,9 @@ pub enum SeedsError {
          missing runs and continues the others", folder.display()
     )]
     NotBegun { seed: u64, folder: PathBuf, count: u64, source: Box<TrainError> },
+    #[error(
+        "interrupted when {begun} of {count} seeds had begun; `train --resume {} --seeds {count}` begins the \
+         missing runs and continues the others", folder.display()
+    )]
+    Interrupted { folder: PathBuf, begun: usize, count: u64 },
 }

@@ -14,7 +14,8 @@ fn seeds_train_together_as_they_do_alone() {
         place.train(&format!("alone-{seed}"), &Config { seed, ..evaluated() }, 2);
     }
     let folder = place.path("runs");
-    let seeds = Seeds::begin(&folder, &evaluated(), 3, &[scenario()], &place.runtime_dir).unwrap();
+    let seeds =
+        Seeds::begin(&folder, &evaluated(), 3, &[scenario()], &place.runtime_dir, &mut || false).unwrap();
     let updates = Mutex::new(0);
     let count = |_: u64, event: TrainEvent| {
         if let TrainEvent::Updated(_) = event {
@@ -48,7 +49,7 @@ fn seeds_train_together_as_they_do_alone() {
 fn an_error_of_one_seed_does_not_end_the_others() {
     let place = Place::new();
     let folder = place.path("runs");
-    let seeds = Seeds::begin(&folder, &small(), 3, &[scenario()], &place.runtime_dir).unwrap();
+    let seeds = Seeds::begin(&folder, &small(), 3, &[scenario()], &place.runtime_dir, &mut || false).unwrap();
     fs::write(folder.join("seed-4/checkpoint.safetensors"), "nothing").unwrap();
     let results = seeds.train(None, 1, &place.runtime_dir, &|| false, &|_, _| {});
     let failed: Vec<u64> =
@@ -58,7 +59,7 @@ fn an_error_of_one_seed_does_not_end_the_others() {
     // Also with other seeds: they began, with any options, and from then on nothing continued the folder.
     for seed in [3, 6] {
         let config = Config { seed, ..small() };
-        let again = Seeds::begin(&folder, &config, 3, &[scenario()], &place.runtime_dir);
+        let again = Seeds::begin(&folder, &config, 3, &[scenario()], &place.runtime_dir, &mut || false);
         assert!(again.err().unwrap().to_string().contains("seed-3` already holds a run"));
     }
 }
@@ -72,8 +73,10 @@ fn seeds_that_are_missing_begin_later() {
     let config = Config { enemies, ..evaluated() };
     let folder = place.path("runs");
     fs::create_dir_all(folder.join("seed-5/checkpoint.safetensors")).unwrap(); // in the way
-    let error =
-        Seeds::begin(&folder, &config, 4, &[scenario()], &place.runtime_dir).err().unwrap().to_string();
+    let error = Seeds::begin(&folder, &config, 4, &[scenario()], &place.runtime_dir, &mut || false)
+        .err()
+        .unwrap()
+        .to_string();
     assert!(error.contains("the run with seed 5 could not begin: `"), "{error}");
     assert!(error.contains("/runs --seeds 4` begins the missing runs"), "{error}");
     fs::remove_dir(folder.join("seed-5/checkpoint.safetensors")).unwrap();
@@ -85,9 +88,9 @@ fn seeds_that_are_missing_begin_later() {
     let open = || Seeds::open(&folder, None).unwrap().unwrap();
     let seeds_of = |runs: &Seeds| runs.runs().iter().map(|(seed, _)| *seed).collect::<Vec<_>>();
     assert_eq!(seeds_of(&open()), [3, 4]);
-    let too_few = open().complete(1, &place.runtime_dir).unwrap_err().to_string();
+    let too_few = open().complete(1, &place.runtime_dir, &mut || false).unwrap_err().to_string();
     assert!(too_few.contains("/runs` has seeds from 3 to 4: --seeds must be at least 2, got 1"), "{too_few}");
-    let runs = open().complete(4, &place.runtime_dir).unwrap();
+    let runs = open().complete(4, &place.runtime_dir, &mut || false).unwrap();
     assert_eq!((seeds_of(&runs), seeds_of(&open())), (vec![3, 4, 5, 6], vec![3, 4, 5, 6]));
     for (seed, path) in runs.runs() {
         let opponent = fs::read(path.join("opponent/weights.safetensors")).unwrap();
@@ -100,9 +103,31 @@ fn seeds_that_are_missing_begin_later() {
     // More seeds for runs that are complete, which keep their files.
     let files = || place.evaluations("runs/seed-6");
     let before = files();
-    let runs = open().complete(5, &place.runtime_dir).unwrap();
+    let runs = open().complete(5, &place.runtime_dir, &mut || false).unwrap();
     runs.train(None, 2, &place.runtime_dir, &|| false, &|_, _| {});
     assert!(before == files() && folder.join("seed-7/final.json").exists());
+}
+
+/// All of ten thousand runs began first.
+#[test]
+fn an_interruption_between_two_seeds_leaves_the_others_to_be_begun() {
+    let place = Place::new();
+    let folder = place.path("runs");
+    let mut asked = 0;
+    let mut interrupted = || {
+        asked += 1;
+        asked == 2
+    };
+    let begun = Seeds::begin(&folder, &small(), 9, &[scenario()], &place.runtime_dir, &mut interrupted);
+    let error = begun.unwrap_err().to_string();
+    assert!(error.starts_with("interrupted when 2 of 9 seeds had begun; `train --resume "), "{error}");
+    let open = || Seeds::open(&folder, None).unwrap().unwrap();
+    assert_eq!(open().runs().len(), 2);
+    let error = open().complete(4, &place.runtime_dir, &mut || true).unwrap_err().to_string();
+    assert!(error.starts_with("interrupted when 2 of 4 seeds had begun"), "{error}");
+    // Where none is missing, nothing is interrupted.
+    assert_eq!(open().complete(2, &place.runtime_dir, &mut || true).unwrap().runs().len(), 2);
+    assert_eq!(open().complete(3, &place.runtime_dir, &mut || false).unwrap().runs().len(), 3);
 }
 
 /// It was taken for one that had not begun: it began anew, over what it had learnt.
@@ -110,7 +135,7 @@ fn seeds_that_are_missing_begin_later() {
 fn a_seed_without_its_description_is_no_seed_that_is_missing() {
     let place = Place::new();
     let folder = place.path("runs");
-    let begin = || Seeds::begin(&folder, &evaluated(), 2, &[scenario()], &place.runtime_dir);
+    let begin = || Seeds::begin(&folder, &evaluated(), 2, &[scenario()], &place.runtime_dir, &mut || false);
     begin().unwrap().train(None, 2, &place.runtime_dir, &|| false, &|_, _| {});
     fs::remove_file(folder.join("seed-4/run.json")).unwrap();
     let expected =
