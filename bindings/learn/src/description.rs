@@ -5,7 +5,8 @@ use crate::config::{Config, ConfigError, Enemies, NetworkKind};
 use crate::lane_error::{LaneError, UnequalUnits, check_equal_sides};
 use crate::lanes::{Lanes, sizes_with_history};
 use crate::team::{Network, OnScenario};
-use crate::tensors::{FileError, create_folder, exists, read, read_text, write};
+use crate::team_files::TeamFiles;
+use crate::tensors::{FileError, exists, read, read_text, write};
 use crate::weights::read_actor;
 use crate::zoo;
 use serde::{Deserialize, Serialize};
@@ -124,6 +125,11 @@ impl RunDescription {
     /// # Errors
     /// If it cannot be read or is not valid.
     pub fn read(folder: &Path) -> Result<RunDescription, FileError> {
+        RunDescription::read_text(folder).map(|(run, _)| run)
+    }
+
+    /// The same with the text of its file.
+    pub(crate) fn read_text(folder: &Path) -> Result<(RunDescription, Vec<u8>), FileError> {
         let path = folder.join("run.json");
         if let Some(name) = zoo::missing(folder) {
             return Err(FileError::NotInZoo { name: name.to_owned() });
@@ -131,7 +137,9 @@ impl RunDescription {
         if !exists(&path) {
             return Err(FileError::NoRun { folder: folder.to_owned() });
         }
-        RunDescription::from_json(&read(&path)?).map_err(|why| FileError::Damaged { path, why })
+        let text = read(&path)?;
+        let run = RunDescription::from_json(&text).map_err(|why| FileError::Damaged { path, why })?;
+        Ok((run, text))
     }
 
     /// The same as a text.
@@ -324,7 +332,7 @@ impl Weights {
     }
 
     /// Says why a run has no such weights, if there is a reason other than damage.
-    fn check_kept(self, folder: &Path) -> Result<(), FileError> {
+    pub(crate) fn check_kept(self, folder: &Path) -> Result<(), FileError> {
         let why = match self {
             Weights::Best if was_evaluated(folder) => {
                 "it was evaluated, so they were lost; `train --resume` writes them again, or choose the last \
@@ -362,17 +370,6 @@ fn was_evaluated(folder: &Path) -> bool {
 
 smaclite_units::keywords!(Weights, "weights", "last" => Last, "best" => Best);
 
-/// The files of the team in the folder of a run, as they are: `run.json`, and the weights of [`Weights::of`].
-///
-/// # Errors
-/// If they cannot be read or `run.json` is damaged.
-pub fn read_team_files(folder: &Path) -> Result<(Vec<u8>, Vec<u8>), FileError> {
-    let run = RunDescription::read(folder)?;
-    let weights = Weights::of(folder, &run);
-    weights.check_kept(folder)?;
-    Ok((read(&folder.join("run.json"))?, read(&folder.join(weights.file_name()))?))
-}
-
 /// The policy of the team in a folder, on the map of this description of its run; and which of its weights
 /// these are.
 ///
@@ -398,19 +395,7 @@ pub(crate) fn read_rival<E>(
 where
     E: From<FileError> + From<LaneError>,
 {
-    let run = RunDescription::read(folder)?.playing_enemies_of::<LaneError>(folder, setup)?;
-    lanes.check_rival(folder, run.sizes)?;
-    Ok(read_policy(folder, &run, weights)?.1)
-}
-
-/// Copies what [`read_rival`] reads.
-pub(crate) fn copy_team(from: &Path, to: &Path) -> Result<(), FileError> {
-    create_folder(to)?;
-    let weights = Weights::of(from, &RunDescription::read(from)?).file_name();
-    for (source, name) in [("run.json", "run.json"), (weights, WEIGHTS)] {
-        write(&to.join(name), &read(&from.join(source))?)?;
-    }
-    Ok(())
+    TeamFiles::read(folder, weights)?.rival(setup, lanes)
 }
 
 pub(crate) fn write_description(folder: &Path, run: &RunDescription) -> Result<(), FileError> {

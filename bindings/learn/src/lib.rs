@@ -65,6 +65,7 @@ mod run_folders;
 mod seeds;
 mod setups;
 mod team;
+mod team_files;
 mod tensors;
 mod trained_team;
 mod training;
@@ -82,7 +83,7 @@ pub use config::{
     TEAM_ENTROPY,
 };
 pub use description::{
-    DESCRIPTIONS, OPPONENT, OtherMap, RunDescription, Weights, holds_run, read_team_files, refuse_undescribed,
+    DESCRIPTIONS, OPPONENT, OtherMap, RunDescription, Weights, holds_run, refuse_undescribed,
 };
 pub use evaluate::{
     EvaluateError, EvaluatedEpisode, Evaluation, EvaluationEvent, EvaluationResult, evaluate,
@@ -102,6 +103,7 @@ pub use run_folders::{held_run, refuse_both, runs_in, seed_folder};
 pub use seeds::{OnTrainEvent, Seeds, SeedsError, check_seeds};
 pub use setups::{resolve_scenario, with_an_end};
 pub use team::Network;
+pub use team_files::read_team_files;
 pub use tensors::{FileError, read as read_file};
 pub use trained_team::{TrainedTeam, UnfitTeam};
 pub use training::{Record, SelfPlayRecord, TrainError};

@@ -18,14 +18,13 @@
 
 use crate::checkpoint::{Checkpoint, Progress};
 use crate::config::Config;
-use crate::description::{
-    LOG, OPPONENT, RunDescription, WEIGHTS, Weights, copy_team, read_rival, write_description,
-};
+use crate::description::{LOG, OPPONENT, RunDescription, WEIGHTS, Weights, read_rival, write_description};
 use crate::evaluations::{EVALUATION_WEIGHTS, EvaluationFiles, EvaluationRow, Evaluations, Trained};
 use crate::lane_error::LaneError;
 use crate::lanes::Lanes;
 use crate::log::{CsvLog, KeptLines, TensorBoardLog};
 use crate::run_folders::held_run;
+use crate::team_files::TeamFiles;
 use crate::tensors::{FileError, create_folder, exists, remove_incomplete};
 use crate::training::{Record, TrainError, Training};
 use crate::weights::{read_actor, write_actor, write_weights};
@@ -164,8 +163,8 @@ impl Run {
         }
         let setup = setups.remove(0);
         check_free(folder)?;
-        let rival =
-            rival_folder.as_deref().map(|folder| read_rival::<TrainError>(folder, None, &setup, &lanes[0]));
+        let rival_files = rival_folder.as_deref().map(|folder| TeamFiles::read(folder, None)).transpose()?;
+        let rival = rival_files.as_ref().map(|files| files.rival::<TrainError>(&setup, &lanes[0]));
         let rival = rival.transpose()?;
         let training = Training::new(config, lanes, threads, rival)?;
         create_folder(folder)?;
@@ -173,8 +172,8 @@ impl Run {
         check_free(folder)?; // another process may have begun and ended one meanwhile
         remove_incomplete_files(folder)?;
         crate::tensors::write(&folder.join(LOG), b"")?; // first: from now on this is a run that begins
-        if let Some(rival) = rival_folder {
-            copy_team(&rival, &folder.join(OPPONENT))?;
+        if let Some(rival) = rival_files {
+            rival.write(&folder.join(OPPONENT))?;
         }
         EvaluationFiles::clear(folder)?;
         let description = RunDescription::new(training.config.clone(), setup).map_err(LaneError::from)?;

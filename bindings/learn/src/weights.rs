@@ -26,8 +26,12 @@ fn tensors<'a>((prefix, network): (&'a str, &'a Network)) -> impl Iterator<Item 
 
 /// Reads the actor of such a file.
 pub(crate) fn read_actor(path: &Path, architecture: Architecture) -> Result<Network, FileError> {
-    let bytes = read(path)?;
-    let arrays = Arrays::decode(path, &bytes)?;
+    actor_of(path, &read(path)?, architecture)
+}
+
+/// The same of the bytes of such a file, which were read before.
+pub(crate) fn actor_of(path: &Path, bytes: &[u8], architecture: Architecture) -> Result<Network, FileError> {
+    let arrays = Arrays::decode(path, bytes)?;
     let mut params = vec![0.0; architecture.n_params()];
     for tensor in architecture.tensors() {
         let name = format!("actor.{}", tensor.name);

@@ -103,6 +103,44 @@ fn where_teams_play_the_enemies_evaluations_are_against_attack_move() {
     }
 }
 
+/// Its files were read twice, to play and to be copied: a resumed run played another team.
+#[test]
+fn a_team_that_goes_on_training_plays_as_it_was_copied() {
+    let place = Place::new();
+    for (name, seed) in [("first", 1), ("second", 2)] {
+        place.train(name, &Config { seed, steps: 20, ..small() }, 1);
+    }
+    let weights = |name: &str| place.path(name).join("weights.safetensors");
+    let teams = ["first", "second"].map(|name| fs::read(weights(name)).unwrap());
+    let played = ["first", "second"].map(|name| {
+        let enemies = Enemies::Team { folder: place.path(name) };
+        place.train(&format!("against-{name}"), &Config { enemies, steps: 20, ..small() }, 1);
+        place.outcome(&format!("against-{name}"))
+    });
+    assert_ne!(played[0], played[1]);
+
+    fs::create_dir(place.path("changing")).unwrap();
+    fs::copy(place.path("first/run.json"), place.path("changing/run.json")).unwrap();
+    fs::write(weights("changing"), &teams[0]).unwrap();
+    std::thread::scope(|scope| {
+        let training = scope.spawn(|| {
+            for number in 0..16 {
+                let enemies = Enemies::Team { folder: place.path("changing") };
+                place.train(&format!("{number}"), &Config { enemies, steps: 20, ..small() }, 1);
+            }
+        });
+        for bytes in teams.iter().cycle().take_while(|_| !training.is_finished()) {
+            fs::write(place.path("new"), bytes).unwrap();
+            fs::rename(place.path("new"), weights("changing")).unwrap(); // whole, as a run writes them
+        }
+    });
+    for number in 0..16 {
+        let copied = fs::read(weights(&format!("{number}/opponent"))).unwrap();
+        let team = teams.iter().position(|bytes| *bytes == copied).unwrap();
+        assert!(place.outcome(&format!("{number}")) == played[team], "run {number} played the other team");
+    }
+}
+
 #[test]
 fn teams_that_cannot_play_the_enemies_are_refused() {
     let place = Place::new();
