@@ -14,11 +14,15 @@
 //! | `league/*.safetensors` | in a league: the weights of the actor after some updates |
 //!
 //! While a process writes to it, it has the lock (`flock`) of the folder. The system releases it at the end
-//! of the process.
+//! of the process. `checkpoints` says when a checkpoint is written, and `steps` which number of steps a run
+//! that is resumed can have.
 
-use crate::checkpoint::{Checkpoint, Progress};
+mod checkpoints;
+mod steps;
+
+use crate::checkpoint::Checkpoint;
 use crate::config::Config;
-use crate::description::{LOG, OPPONENT, RunDescription, WEIGHTS, Weights, read_rival, write_description};
+use crate::description::{LOG, OPPONENT, RunDescription, Weights, read_rival, write_description};
 use crate::evaluations::{EVALUATION_WEIGHTS, EvaluationFiles, EvaluationRow, Evaluations, Trained};
 use crate::lane_error::LaneError;
 use crate::lanes::Lanes;
@@ -27,20 +31,16 @@ use crate::run_folders::held_run;
 use crate::team_files::TeamFiles;
 use crate::tensors::{FileError, create_folder, exists, remove_incomplete};
 use crate::training::{Record, TrainError, Training};
-use crate::weights::{read_actor, write_actor, write_weights};
+use crate::weights::{read_actor, write_actor};
 use crate::zoo_folders;
+use checkpoints::{CHECKPOINT, Checkpoints};
 use smaclite_engine::{BattleSetup, Opponent};
 use smaclite_ipc::ClientError;
 use smaclite_units::file::os::to_lock;
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
-
-/// What the run is resumed from.
-const CHECKPOINT: &str = "checkpoint.safetensors";
-
-/// How often a checkpoint is written, besides at the end.
-const CHECKPOINT_INTERVAL: Duration = Duration::from_secs(60);
+use steps::change_steps;
+pub(crate) use steps::check_steps;
 
 /// What happens in a run that trains.
 #[derive(Clone, Debug)]
@@ -104,7 +104,7 @@ pub struct Run {
     csv: CsvLog,
     tensorboard: TensorBoardLog,
     evaluations: Option<Evaluations>,
-    last_checkpoint: Instant,
+    checkpoints: Checkpoints,
     _lock: File,
 }
 
@@ -267,8 +267,8 @@ impl Run {
         let evaluations = Evaluations::open(folder, &description, trained, threads)?;
         let csv = CsvLog::open(&log, &kept)?;
         let tensorboard = TensorBoardLog::new(folder, progress.steps);
-        let (folder, last_checkpoint) = (folder.to_owned(), Instant::now());
-        Ok(Run { folder, description, training, csv, tensorboard, evaluations, last_checkpoint, _lock: lock })
+        let (folder, checkpoints) = (folder.to_owned(), Checkpoints::new(folder, progress.updates));
+        Ok(Run { folder, description, training, csv, tensorboard, evaluations, checkpoints, _lock: lock })
     }
 
     /// The hyperparameters.
@@ -287,7 +287,7 @@ impl Run {
     }
 
     /// Makes one update, logs it, and writes a checkpoint if the last one is a minute old. `None` if the run
-    /// is complete. Before, it plays the evaluations that are due.
+    /// is complete. Before, it plays the evaluations that are due, and writes such a checkpoint meanwhile.
     ///
     /// # Errors
     /// If the pool fails, training diverges or a file cannot be written; `ClientError::Interrupted` if
@@ -304,7 +304,7 @@ impl Run {
         }
         self.csv.append(&record)?;
         self.tensorboard.append(&record)?;
-        if self.last_checkpoint.elapsed() > CHECKPOINT_INTERVAL {
+        if self.checkpoints.is_due(self.training.state()) {
             self.checkpoint()?;
         }
         Ok(Some(record))
@@ -342,20 +342,27 @@ impl Run {
         result
     }
 
-    /// Plays what is due: evaluations, and the final one of a run that is complete.
+    /// Plays what is due: evaluations, and the final one of a run that is complete. They can take longer than
+    /// the updates between two checkpoints, so one that becomes due is written meanwhile.
     fn evaluate(&mut self, interrupted: &mut dyn FnMut() -> bool) -> Result<(), TrainError> {
         let Some(evaluations) = &mut self.evaluations else { return Ok(()) };
         let (state, before) = (self.training.state(), evaluations.rows().len());
-        let played = evaluations.play_due(state, interrupted);
+        let (checkpoints, mut written) = (&mut self.checkpoints, Ok(()));
+        let mut interrupted = || {
+            if checkpoints.is_due(state) {
+                written = checkpoints.write(state, &self.description, &self.csv);
+            }
+            written.is_err() || interrupted()
+        };
+        let mut played = evaluations.play_due(state, &mut interrupted);
         // Those before an interruption, too: they are not played again.
         for row in &evaluations.rows()[before..] {
             self.tensorboard.append_evaluation(row)?;
         }
-        played?;
-        match self.training.is_complete() {
-            true => evaluations.finish(state, interrupted),
-            false => Ok(()),
+        if played.is_ok() && self.training.is_complete() {
+            played = evaluations.finish(state, &mut interrupted);
         }
+        written.and(played)
     }
 
     /// Writes the weights and the checkpoint.
@@ -363,50 +370,8 @@ impl Run {
     /// # Errors
     /// If they cannot be written. The old files stay complete.
     pub fn checkpoint(&mut self) -> Result<(), TrainError> {
-        self.csv.sync()?; // the checkpoint is not continued without the lines of its updates
-        let state = self.training.state();
-        write_weights(&self.folder.join(WEIGHTS), &state.team)?;
-        state.write(&self.folder.join(CHECKPOINT), &self.description)?;
-        self.last_checkpoint = Instant::now();
-        Ok(())
+        self.checkpoints.write(self.training.state(), &self.description, &self.csv)
     }
-}
-
-/// Refuses a number of steps with which [`Run::resume_on_maps`] would refuse the run in a folder, and changes
-/// nothing.
-///
-/// # Errors
-/// If it does, or cannot read what it compares.
-pub(crate) fn check_steps(folder: &Path, run: &RunDescription, steps: u64) -> Result<(), TrainError> {
-    let mut changed = run.clone();
-    changed.config.steps = steps;
-    let progress = Progress::read(&folder.join(CHECKPOINT))?;
-    change_steps(folder, &mut changed, run.config.steps, progress)
-}
-
-/// Says in the description of a run what its number of steps was, `described`, if it has another one now. A
-/// complete run has made some steps more than described, and can be resumed with that number.
-fn change_steps(
-    folder: &Path,
-    description: &mut RunDescription,
-    described: u64,
-    Progress { updates, steps: made, .. }: Progress,
-) -> Result<(), TrainError> {
-    let given = description.config.steps;
-    if given == described || made == 0 {
-        return Ok(());
-    }
-    let before = KeptLines::read(&folder.join(LOG), updates)?.steps_before;
-    let is_end = given <= made && before.is_some_and(|before| before < given);
-    match description.former_steps.iter().position(|former| *former == given) {
-        // It ended so before, and has learnt nothing since.
-        Some(then) if is_end => description.former_steps.truncate(then),
-        _ if given < made => {
-            return Err(TrainError::FewerSteps { folder: folder.display().to_string(), given, made });
-        }
-        _ => description.former_steps.push(described),
-    }
-    Ok(())
 }
 
 /// The folder, in that of a run, of its copies.
@@ -442,3 +407,6 @@ fn lock(folder: &Path) -> Result<File, TrainError> {
         Err(TryLockError::Error(source)) => Err(FileError::Write { path: folder.to_owned(), source }.into()),
     }
 }
+
+#[cfg(test)]
+mod tests;
