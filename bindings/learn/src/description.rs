@@ -125,11 +125,11 @@ impl RunDescription {
     /// # Errors
     /// If it cannot be read or is not valid.
     pub fn read(folder: &Path) -> Result<RunDescription, FileError> {
-        RunDescription::read_text(folder).map(|(run, _)| run)
+        RunDescription::read_with_text(folder).map(|(run, _)| run)
     }
 
     /// The same with the text of its file.
-    pub(crate) fn read_text(folder: &Path) -> Result<(RunDescription, Vec<u8>), FileError> {
+    pub(crate) fn read_with_text(folder: &Path) -> Result<(RunDescription, Vec<u8>), FileError> {
         let path = folder.join("run.json");
         if let Some(name) = zoo::missing(folder) {
             return Err(FileError::NotInZoo { name: name.to_owned() });

@@ -32,7 +32,7 @@ pub(crate) struct TeamFiles {
 impl TeamFiles {
     /// Reads those of the team in a folder; with the weights of [`Weights::of`], if none are named.
     pub fn read(folder: &Path, weights: Option<Weights>) -> Result<TeamFiles, FileError> {
-        let (run, text) = RunDescription::read_text(folder)?;
+        let (run, text) = RunDescription::read_with_text(folder)?;
         let weights = weights.unwrap_or_else(|| Weights::of(folder, &run));
         weights.check_kept(folder)?;
         let weights_path = folder.join(weights.file_name());
