@@ -1,7 +1,10 @@
 //! Linux and macOS: folders and files that only this user can open.
 
 use crate::runtime_dir::error::{MAX_ROOT_LEN, RuntimeDirError};
+use rustix::fs::OFlags;
 use std::fs::{File, Metadata};
+use std::io::Error;
+use std::os::fd::AsRawFd;
 use std::os::unix::fs::{DirBuilderExt, MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
@@ -53,10 +56,34 @@ pub(crate) fn owner_and_mode(file: &Metadata) -> String {
     )
 }
 
-/// Opens a file that only this user can open, to write it; it is made if it does not exist.
-#[allow(dead_code)] // Linux locks its files with more care
+/// Whether a file is one that only this user can open.
+pub(crate) fn is_private(file: &Metadata) -> bool {
+    file.uid() == rustix::process::getuid().as_raw() && file.mode() & 0o7777 == PRIVATE
+}
+
+/// Opens or makes a file to lock or to write. The file is private even where the folder is not: another user
+/// could block a pool by locking it. An existing file must be private and plain; to open a FIFO could block.
 pub(crate) fn private_file(path: &Path) -> std::io::Result<File> {
-    File::options().create(true).truncate(false).read(true).write(true).mode(PRIVATE).open(path)
+    let named = |error: Error| Error::new(error.kind(), format!("{}: {error}", path.display()));
+    let flags = (OFlags::NOFOLLOW | OFlags::NONBLOCK).bits() as i32;
+    let mut options = File::options();
+    options.create(true).truncate(false).read(true).write(true).mode(PRIVATE).custom_flags(flags);
+    let file = options.open(path).map_err(named)?;
+    let found = file.metadata().map_err(named)?;
+    let user = rustix::process::getuid().as_raw();
+    if found.is_file() && found.uid() == user && found.mode() & 0o077 == 0 {
+        return beyond_standard(file).map_err(named);
+    }
+    Err(Error::other(format!("{}: expected a private file; {}", path.display(), owner_and_mode(&found))))
+}
+
+/// The file, under a descriptor that is none of the standard streams': in a process that was started without
+/// these, what prints would write into it.
+fn beyond_standard(file: File) -> std::io::Result<File> {
+    match file.as_raw_fd() {
+        0..3 => Ok(File::from(rustix::io::fcntl_dupfd_cloexec(&file, 3)?)),
+        _ => Ok(file),
+    }
 }
 
 /// Opens a new file that only this user can open.

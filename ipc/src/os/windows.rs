@@ -1,7 +1,7 @@
 //! Windows: folders and files of this user. Those in the user's folder of temporary files are private.
 
 use crate::runtime_dir::error::RuntimeDirError;
-use std::fs::File;
+use std::fs::{File, Metadata};
 use std::os::windows::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 
@@ -18,6 +18,11 @@ pub(crate) fn default_root() -> PathBuf {
 pub(crate) fn private_folder(root: PathBuf) -> Result<PathBuf, RuntimeDirError> {
     let created = std::fs::create_dir_all(&root).and_then(|()| std::path::absolute(&root));
     created.map_err(|source| RuntimeDirError::Create { root, source })
+}
+
+/// Every file of this user is.
+pub(crate) fn is_private(_file: &Metadata) -> bool {
+    true
 }
 
 /// Opens a file to write it; it is made if it does not exist.

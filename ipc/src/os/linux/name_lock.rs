@@ -1,7 +1,8 @@
 //! The lock by which one process at a time has a pool's name.
 
 use super::NotInherited;
-use super::files::{is_file_at, lock_file};
+use super::files::is_file_at;
+use crate::os::folders::private_file;
 use crate::process_owned::ProcessOwned;
 use crate::runtime_dir::RuntimeDir;
 use rustix::fs::{FlockOperation, flock};
@@ -23,7 +24,7 @@ impl NameLock {
     pub(crate) fn try_take(runtime_dir: &RuntimeDir, name: &str) -> std::io::Result<Option<NameLock>> {
         let path = runtime_dir.lock(name);
         loop {
-            let lock = lock_file(&path)?;
+            let lock = private_file(&path)?;
             if flock(&lock, FlockOperation::NonBlockingLockExclusive).is_err() {
                 return Ok(None);
             }

@@ -4,7 +4,8 @@
 //! The folder has mode 0700, so other users can neither list nor open its files. Its name ends with a random
 //! suffix, so that they cannot create it beforehand; the suffix is the content of the locked file.
 
-use super::files::{is_file_at, lock_file, owner_and_mode};
+use super::files::{is_file_at, owner_and_mode};
+use crate::os::folders::private_file;
 use crate::process_owned::ProcessOwned;
 use crate::runtime_dir::RuntimeDir;
 use rustix::fs::{FlockOperation, flock};
@@ -49,7 +50,7 @@ impl RuntimeDir {
         let path = self.shm_dir_lock();
         let begin = Instant::now();
         while begin.elapsed() < CLEAN_UP_TIMEOUT {
-            let lock = lock_file(&path)?;
+            let lock = private_file(&path)?;
             if try_lock(&lock, FlockOperation::NonBlockingLockExclusive)? && is_file_at(&lock, &path) {
                 if let Some(left) = self.folder_of(&lock) {
                     remove_folder(&left)?;
@@ -77,7 +78,7 @@ impl RuntimeDir {
     /// Removes the folders that pools left under this and earlier suffixes, unless a process uses them.
     pub(crate) fn remove_stale(&self) -> Result<()> {
         let path = self.shm_dir_lock();
-        let lock = lock_file(&path)?;
+        let lock = private_file(&path)?;
         if try_lock(&lock, FlockOperation::NonBlockingLockExclusive)? && is_file_at(&lock, &path) {
             self.shm_dirs().iter().try_for_each(|folder| remove_folder(folder))?;
             std::fs::remove_file(path)?;
@@ -299,7 +300,7 @@ mod tests {
         for (left, has_folder) in
             [("", false), ("abc", false), ("abcdefghijklmnop", false), ("abcdefghijklmnop", true)]
         {
-            lock_file(&runtime_dir.shm_dir_lock()).unwrap().write_all_at(left.as_bytes(), 0).unwrap();
+            private_file(&runtime_dir.shm_dir_lock()).unwrap().write_all_at(left.as_bytes(), 0).unwrap();
             let folder = PathBuf::from(format!("{SHM}/{}{left}", runtime_dir.shm_prefix()));
             if has_folder {
                 std::fs::create_dir(&folder).unwrap();

@@ -1,9 +1,9 @@
 //! The files by which pools are found, and the lock under which they are made and removed.
 
 use crate::name::check_name;
-use crate::os::folders::private_file;
+use crate::os::folders::{is_private, private_file};
 use crate::runtime_dir::RuntimeDir;
-use std::fs::{File, TryLockError};
+use std::fs::{File, Metadata, TryLockError};
 use std::io::{Error, ErrorKind, Result};
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -53,25 +53,44 @@ pub(crate) fn is_held(lock: &Path) -> Result<bool> {
 impl RuntimeDir {
     /// Names of the pools that have a socket here, dead or alive.
     pub fn pool_names(&self) -> Vec<String> {
-        self.names_of(&["sock"])
+        self.names_of("sock", |_| true)
     }
 
-    /// Names of the pools that left files here, dead or alive.
+    /// Names of the pools that left files here, dead or alive. The lock, which is made first and removed
+    /// last, is private and empty; other files with such names are not ours.
     pub(crate) fn stale_names(&self) -> Vec<String> {
-        self.names_of(&["sock", "lock"])
+        self.names_of("lock", |file| file.is_file() && file.len() == 0 && is_private(file))
     }
 
-    fn names_of(&self, extensions: &[&str]) -> Vec<String> {
+    fn names_of(&self, extension: &str, is_pools: impl Fn(&Metadata) -> bool) -> Vec<String> {
         let entries = std::fs::read_dir(self.root()).into_iter().flatten().flatten();
+        let entries = entries.filter(|entry| entry.metadata().is_ok_and(|file| is_pools(&file)));
         let names = entries.filter_map(|entry| {
             let path = entry.path();
-            let is_pools = extensions.contains(&path.extension()?.to_str()?);
             let name = path.file_stem()?.to_str()?;
-            (is_pools && check_name(name).is_ok()).then(|| name.to_owned())
+            (path.extension()? == extension && check_name(name).is_ok()).then(|| name.to_owned())
         });
         let mut names: Vec<_> = names.collect();
         names.sort();
         names.dedup();
         names
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `clean` in a folder with other programs' locks removed them.
+    #[test]
+    fn locks_of_other_programs_are_not_those_of_pools() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let runtime_dir = RuntimeDir::at(folder.path().to_owned()).expect("a private folder");
+        for (name, content) in [("Cargo.lock", "kept"), ("notes.sock", "kept"), ("other.lock", "")] {
+            std::fs::write(folder.path().join(name), content).expect("a file");
+        }
+        drop(private_file(&runtime_dir.lock("train")).expect("a file"));
+        let expected = if cfg!(unix) { &["train"][..] } else { &["other", "train"] };
+        assert_eq!(runtime_dir.stale_names(), expected);
     }
 }

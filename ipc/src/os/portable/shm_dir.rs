@@ -9,7 +9,8 @@ use std::fs::{File, TryLockError};
 use std::io::{Error, ErrorKind, Result};
 use std::path::{Path, PathBuf};
 
-const FOLDER: &str = "shm";
+/// No name that a folder of the user would have: what is in it is removed.
+const FOLDER: &str = "smaclite-shm";
 const LOCK_NAME: &str = "in-use";
 
 /// Held for as long as this process uses iceoryx2.
@@ -116,5 +117,31 @@ impl Usage {
 impl Drop for Usage {
     fn drop(&mut self) {
         self.end();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn runtime_dir() -> (tempfile::TempDir, RuntimeDir) {
+        let folder = tempfile::tempdir().expect("a folder");
+        let runtime_dir = RuntimeDir::at(folder.path().to_owned()).expect("a private folder");
+        (folder, runtime_dir)
+    }
+
+    /// A folder `shm` of the user in the root folder was removed with its files.
+    #[test]
+    fn only_files_of_iceoryx_are_removed() {
+        let (folder, runtime_dir) = runtime_dir();
+        let mine = folder.path().join("shm").join("thesis.tex");
+        std::fs::create_dir(mine.parent().expect("a folder")).expect("a folder");
+        std::fs::write(&mine, "kept").expect("a file");
+        let [first, second] = [(); 2].map(|()| runtime_dir.open_shm_dir().expect("a folder"));
+        std::fs::write(first.folder().join("1.data"), "left").expect("a file");
+        drop(first);
+        assert!(second.folder().join("1.data").exists());
+        drop(second);
+        assert!(mine.exists() && runtime_dir.shm_dir().is_none());
     }
 }
