@@ -13,7 +13,7 @@ const TIMEOUT: Duration = Duration::from_secs(5);
 
 /// The right to make and remove files of pools in a runtime folder; only one process has it at a time. Its
 /// own file stays: to remove that is what it protects other files from.
-pub(super) struct FilesLock(#[allow(dead_code)] File); // held, not read
+pub(super) struct FilesLock(File);
 
 impl FilesLock {
     pub(super) fn take(root: &Path) -> Result<FilesLock> {
@@ -32,6 +32,13 @@ impl FilesLock {
     }
 }
 
+impl Drop for FilesLock {
+    /// Closing it is not enough: a child that another thread has forked meanwhile holds a copy.
+    fn drop(&mut self) {
+        let _ = self.0.unlock(); // Wine says that it could not, and could
+    }
+}
+
 /// `false` if another process, or another part of this one, has locked it.
 pub(super) fn try_lock(file: &File) -> Result<bool> {
     match file.try_lock() {
@@ -41,10 +48,21 @@ pub(super) fn try_lock(file: &File) -> Result<bool> {
     }
 }
 
-/// Whether a file exists and is locked, by a process or by another part of this one.
-pub(crate) fn is_held(lock: &Path) -> Result<bool> {
+/// As [`try_lock`], but unlocks it again, also for a child that another thread has forked meanwhile. To be
+/// called under the lock of the files: others would take it for locked.
+pub(super) fn is_free(file: &File) -> Result<bool> {
+    let is_free = try_lock(file)?;
+    if is_free {
+        let _ = file.unlock(); // as above
+    }
+    Ok(is_free)
+}
+
+/// Whether a file exists and is locked, by a process or by another part of this one. To be
+/// called under the lock of the files, too.
+pub(super) fn is_held(lock: &Path) -> Result<bool> {
     match File::options().write(true).open(lock) {
-        Ok(file) => Ok(!try_lock(&file)?),
+        Ok(file) => Ok(!is_free(&file)?),
         Err(error) if error.kind() == ErrorKind::NotFound => Ok(false),
         Err(error) => Err(error),
     }
@@ -80,6 +98,22 @@ impl RuntimeDir {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A child that was forked while another thread held the lock kept it, and no process could connect to a
+    /// pool or start one until the child ended.
+    #[test]
+    fn a_copy_in_a_forked_child_holds_no_lock() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let lock = FilesLock::take(folder.path()).expect("a lock");
+        let _childs = lock.0.try_clone().expect("a copy");
+        drop(lock);
+        drop(FilesLock::take(folder.path()).expect("it is free"));
+        let path = folder.path().join("train.lock");
+        let file = private_file(&path).expect("a file");
+        let _childs = file.try_clone().expect("a copy");
+        assert!(is_free(&file).expect("a file"));
+        assert!(!is_held(&path).expect("a file"));
+    }
 
     /// `clean` in a folder with other programs' locks removed them.
     #[test]

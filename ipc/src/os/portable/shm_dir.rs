@@ -1,7 +1,7 @@
 //! The folder of iceoryx2's files, in the runtime folder. Every process that uses iceoryx2 holds a shared
 //! lock; the last one to release it removes the folder, and the first one what killed processes left there.
 
-use super::files::{FilesLock, is_held, try_lock};
+use super::files::{FilesLock, is_free, is_held};
 use crate::os::folders::private_file;
 use crate::process_owned::ProcessOwned;
 use crate::runtime_dir::RuntimeDir;
@@ -29,7 +29,7 @@ impl RuntimeDir {
     pub(crate) fn open_shm_dir(&self) -> Result<ShmDir> {
         let _files = FilesLock::take(self.root())?;
         let (path, folder) = (self.root().join(LOCK_NAME), self.root().join(FOLDER));
-        if try_lock(&private_file(&path)?)? {
+        if is_free(&private_file(&path)?)? {
             remove_folder(&folder)?;
             std::fs::create_dir(&folder)?;
         }
@@ -55,6 +55,8 @@ impl RuntimeDir {
     }
 
     pub(crate) fn unused_shm_dirs(&self) -> Vec<PathBuf> {
+        // Who starts to use the folder meanwhile would take this look for the lock of a process.
+        let _files = FilesLock::take(self.root());
         if is_held(&self.root().join(LOCK_NAME)).unwrap_or(true) { Vec::new() } else { self.shm_dirs() }
     }
 
@@ -123,11 +125,30 @@ impl Drop for Usage {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::sync::atomic::{AtomicBool, Ordering};
 
     fn runtime_dir() -> (tempfile::TempDir, RuntimeDir) {
         let folder = tempfile::tempdir().expect("a folder");
         let runtime_dir = RuntimeDir::at(folder.path().to_owned()).expect("a private folder");
         (folder, runtime_dir)
+    }
+
+    /// The start of a pool failed while another process counted left-over files.
+    #[test]
+    fn who_looks_for_unused_folders_disturbs_nobody() {
+        let (_folder, runtime_dir) = runtime_dir();
+        let has_ended = AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            scope.spawn(|| {
+                while !has_ended.load(Ordering::Relaxed) {
+                    runtime_dir.unused_shm_dirs();
+                }
+            });
+            let open = |_| runtime_dir.open_shm_dir().map(|opened| opened.folder().exists());
+            let opened: Vec<_> = (0..500).map(open).collect();
+            has_ended.store(true, Ordering::Relaxed);
+            opened.into_iter().for_each(|opened| assert!(opened.expect("it is free"), "it has no folder"));
+        });
     }
 
     /// A folder `shm` of the user in the root folder was removed with its files.
