@@ -28,6 +28,10 @@ const SECRET: usize = 16;
 const GREETING: usize = SECRET + 4;
 const GREETING_TIMEOUT: Duration = Duration::from_secs(1);
 
+/// How long the system may take to connect: a process that is stopped accepts no connection, and when as many
+/// wait as there is room for, the next one would wait for minutes.
+const CONNECT_TIMEOUT: Duration = Duration::from_millis(100);
+
 /// The most connections at once whose greeting is not read yet.
 const MAX_GREETED: usize = 64;
 
@@ -129,7 +133,11 @@ pub(super) fn connect(path: &Path) -> Result<Stream> {
         Ok(address) => address,
         Err(_) => return Err(ErrorKind::WouldBlock.into()), // not written yet
     };
-    let mut connection = TcpStream::connect((Ipv4Addr::LOCALHOST, port))?;
+    let connected = TcpStream::connect_timeout(&(Ipv4Addr::LOCALHOST, port).into(), CONNECT_TIMEOUT);
+    let mut connection = connected.map_err(|error| match error.kind() {
+        ErrorKind::TimedOut => ErrorKind::WouldBlock.into(), // the caller tries again
+        _ => error,
+    })?;
     let mut greeting = secret.to_vec();
     greeting.extend(std::process::id().to_le_bytes());
     connection.write_all(&greeting)?;
@@ -179,5 +187,28 @@ fn send(mut connection: &TcpStream, mut far: &Stream) {
             }
             _ => return,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::Instant;
+
+    /// Every look at a stopped pool leaves a connection. After some hundred, `list` hung for two minutes.
+    #[test]
+    fn a_pool_that_accepts_nothing_is_not_waited_for() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("pool.sock");
+        let lock = private_file(&path.with_extension("lock")).expect("a lock");
+        lock.try_lock().expect("it is free");
+        let stopped = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).expect("a port");
+        let port = stopped.local_addr().expect("an address").port();
+        let address = Address { port, pid: std::process::id(), secret: [0; SECRET] };
+        std::fs::write(&path, serde_json::to_vec(&address).expect("plain data")).expect("a file");
+        let begin = Instant::now();
+        let error = (0..10_000).find_map(|_| connect(&path).err()).expect("there is room for few");
+        assert_eq!(error.kind(), ErrorKind::WouldBlock, "{error}");
+        assert!(begin.elapsed() < Duration::from_secs(30), "{:?}", begin.elapsed());
     }
 }
