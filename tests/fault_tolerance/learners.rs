@@ -2,6 +2,7 @@
 
 use crate::assert_contains;
 use rustix::process::{Pid, Resource, Rlimit, Signal, getrlimit, prlimit};
+use smaclite_ipc::{Spectator, WaitOptions, WaitStrategy};
 use smaclite_tests::process::eventually;
 use smaclite_tests::{Child, LanePlan, PoolPlan, TestDir};
 use std::path::Path;
@@ -85,6 +86,20 @@ fn a_second_learner_is_refused_with_the_process_id_of_the_first() {
     second.must("connect train");
     let error = first.ask("connect train").expect_err("now the second has the lane");
     assert_contains(&error, &[&format!("process {}", second.pid())]);
+}
+
+/// Where pools do not use Linux's sockets, every tenth was told that the lane still has a learner.
+#[test]
+fn a_lane_is_free_as_soon_as_its_learner_or_spectator_has_left() {
+    let dir = TestDir::new();
+    let plan = PoolPlan::new([LanePlan::new("2s3z", 2)]);
+    let _supervisor = Child::supervisor(&dir, &plan);
+    for _ in 0..200 {
+        let attached = dir.connect(None, WaitStrategy::default(), WaitOptions::no_wait());
+        drop(attached.expect("a lane without a learner"));
+        let watching = Spectator::connect(dir.runtime_dir(), "train", None, WaitOptions::for_response());
+        drop(watching.expect("a lane without a spectator"));
+    }
 }
 
 #[test]

@@ -8,7 +8,7 @@ use super::protocol::{
 use crate::error::remedy;
 use crate::name::{NameError, check_name};
 use crate::os::Direction;
-use crate::os::socket::{self, Process, Stream, has_ended, is_ready, watch_process};
+use crate::os::socket::{self, END_IS_SEEN_WITHIN, Process, Stream, has_ended, is_ready, watch_process};
 use crate::runtime_dir::RuntimeDir;
 pub(crate) use crate::wait_options::RESPONSE_TIMEOUT;
 use crate::wait_options::WaitOptions;
@@ -19,6 +19,9 @@ use std::time::{Duration, Instant};
 
 /// How often a wait checks whether its caller interrupts it.
 const SLICE: Duration = Duration::from_millis(50);
+
+/// How often a place is asked for that may just have become free.
+const RETRY_INTERVAL: Duration = Duration::from_millis(2);
 
 /// How long after the end of a connection the end of its process may become visible.
 const EXIT_TIMEOUT: Duration = Duration::from_millis(200);
@@ -144,7 +147,8 @@ impl<'a> Waiting<'a> {
 }
 
 impl ControlClient {
-    /// Connects to a pool and sends it a request; returns the connection and the response.
+    /// Connects to a pool and sends it a request; returns the connection and the response. While whoever has
+    /// a place that is asked for may just have left it, it asks again.
     pub(crate) fn request(
         runtime_dir: &RuntimeDir,
         pool: &str,
@@ -153,9 +157,18 @@ impl ControlClient {
     ) -> Result<(ControlClient, ControlResponse), ControlSocketError> {
         check_name(pool)?;
         let mut waiting = Waiting::new(wait, pool);
-        let mut client = ControlClient::connect(runtime_dir, &mut waiting)?;
-        let response = client.exchange(request, &mut waiting)?;
-        Ok((client, response))
+        let mut refused = None;
+        loop {
+            let mut client = ControlClient::connect(runtime_dir, &mut waiting)?;
+            let response = client.exchange(request, &mut waiting)?;
+            let may_be_free = matches!(&response, ControlResponse::Refused(refusal) if refusal.may_be_over())
+                && refused.get_or_insert_with(Instant::now).elapsed() < END_IS_SEEN_WITHIN;
+            // Not with so little time that there may be no answer to the next one.
+            if !may_be_free || !waiting.slice().is_ok_and(|slice| slice == SLICE) {
+                return Ok((client, response));
+            }
+            std::thread::sleep(RETRY_INTERVAL);
+        }
     }
 
     /// Sends the same request again and returns the response. If the wait for the last one ended before it

@@ -201,6 +201,17 @@ impl ControlError {
     pub(crate) fn unexpected(answer: &ControlResponse) -> ControlError {
         ControlError::Malformed { what: format!("unexpected answer {answer:?}") }
     }
+
+    /// Whether it is over as soon as a connection ends that another process has, or had.
+    pub(crate) fn may_be_over(&self) -> bool {
+        matches!(
+            self,
+            ControlError::LaneTaken { .. }
+                | ControlError::TooManySpectators { .. }
+                | ControlError::TooManyFollowers { .. }
+                | ControlError::TooManyFollowed { .. }
+        )
+    }
 }
 
 fn names(lanes: &[String]) -> String {

@@ -35,6 +35,9 @@ pub(crate) type Process = OwnedFd;
 /// Connections to a control socket that may wait to be accepted; the value of the standard library.
 const LISTEN_BACKLOG: i32 = 128;
 
+/// How long after the end of a connection its other end may still take it for open.
+pub(crate) const END_IS_SEEN_WITHIN: Duration = Duration::ZERO;
+
 /// A non-blocking socket.
 fn socket() -> rustix::io::Result<OwnedFd> {
     let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;

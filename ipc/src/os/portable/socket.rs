@@ -23,6 +23,10 @@ fn key(path: &Path) -> (u32, PathBuf) {
 /// Bytes that wait in a direction of a connection, until the other end reads.
 const ROOM: usize = 1 << 16;
 
+/// How long after the end of a connection its other end may still take it for open: threads at both ends tell
+/// it.
+pub(crate) const END_IS_SEEN_WITHIN: Duration = Duration::from_millis(200);
+
 /// Held while somebody looks whether there is something to do. What changes that takes it afterwards, for a
 /// moment, so that no change is missed between a look and the wait for the next change.
 static LOOKING: Mutex<()> = Mutex::new(());
