@@ -104,6 +104,29 @@ fn a_forked_child_can_read_a_batch_whatever_other_threads_do_at_the_fork() {
     });
 }
 
+/// Where pools do not use Linux's sockets, a child hung whose parent's other threads used a connection at the
+/// moment of the fork.
+#[test]
+fn a_forked_child_can_ask_a_pool_whatever_other_threads_do_at_the_fork() {
+    let dir = TestDir::new();
+    let _supervisor = Child::supervisor(&dir, &PoolPlan::new([LanePlan::new("2s3z", 2)]));
+    let ask = || smaclite_ipc::status(dir.runtime_dir(), "train", WaitOptions::for_response());
+    let stop = AtomicBool::new(false);
+    std::thread::scope(|scope| {
+        let asking = scope.spawn(|| {
+            while !stop.load(Ordering::Relaxed) {
+                ask().expect("a status");
+            }
+        });
+        let asked = std::panic::catch_unwind(AssertUnwindSafe(|| {
+            (0..200).for_each(|_| assert_eq!(in_a_fork(|| i32::from(ask().is_err())), 0));
+        }));
+        stop.store(true, Ordering::Relaxed);
+        asking.join().expect("the parent's other thread");
+        assert!(asked.is_ok(), "a child got no answer");
+    });
+}
+
 /// The end of a pool waited until a socket was closed of which every forked child has a copy, and for the
 /// same reason learners of other processes were not notified. If the child waited for its parent, this was a
 /// deadlock.

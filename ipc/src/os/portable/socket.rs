@@ -9,15 +9,40 @@ use std::convert::Infallible;
 use std::io::{ErrorKind, Read, Result, Write};
 use std::net::Shutdown;
 use std::path::{Path, PathBuf};
-use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Connections until they are accepted, by the path that they were made to and the process that listens: a
-/// forked child has the copy of its parent's.
-static LISTENERS: Mutex<BTreeMap<(u32, PathBuf), VecDeque<Stream>>> = Mutex::new(BTreeMap::new());
+/// What the connections of a process share.
+struct Shared {
+    id: u32,
+    /// Connections until they are accepted, by the path that they were made to.
+    listeners: Mutex<BTreeMap<PathBuf, VecDeque<Stream>>>,
+    /// Held while somebody looks whether there is something to do. What changes that takes it afterwards, for
+    /// a moment, so that no change is missed between a look and the wait for the next change.
+    looking: Mutex<()>,
+    changed: Condvar,
+    /// Of a forked child.
+    next: OnceLock<Box<Shared>>,
+}
 
-fn key(path: &Path) -> (u32, PathBuf) {
-    (std::process::id(), path.to_owned())
+/// That of this process. A forked child has its own: a thread that it does not have may hold its parent's
+/// locks.
+fn shared() -> &'static Shared {
+    static FIRST: OnceLock<Box<Shared>> = OnceLock::new();
+    let (id, mut place) = (std::process::id(), &FIRST);
+    loop {
+        let (listeners, looking, changed) = Default::default();
+        let new = || Box::new(Shared { id, listeners, looking, changed, next: OnceLock::new() });
+        let found = place.get_or_init(new);
+        if found.id == id {
+            return found;
+        }
+        place = &found.next;
+    }
+}
+
+fn listeners() -> MutexGuard<'static, BTreeMap<PathBuf, VecDeque<Stream>>> {
+    locked(&shared().listeners)
 }
 
 /// Bytes that wait in a direction of a connection, until the other end reads.
@@ -27,31 +52,28 @@ const ROOM: usize = 1 << 16;
 /// it.
 pub(crate) const END_IS_SEEN_WITHIN: Duration = Duration::from_millis(200);
 
-/// Held while somebody looks whether there is something to do. What changes that takes it afterwards, for a
-/// moment, so that no change is missed between a look and the wait for the next change.
-static LOOKING: Mutex<()> = Mutex::new(());
-static CHANGED: Condvar = Condvar::new();
-
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 fn changed() {
-    drop(locked(&LOOKING));
-    CHANGED.notify_all();
+    let Shared { looking, changed, .. } = shared();
+    drop(locked(looking));
+    changed.notify_all();
 }
 
 /// Waits until `look` finds something, for at most that long.
 fn wait_for<T>(within: Duration, mut look: impl FnMut() -> Option<T>) -> Option<T> {
     let begin = Instant::now();
-    let mut looking = locked(&LOOKING);
+    let Shared { looking, changed, .. } = shared();
+    let mut looking = locked(looking);
     loop {
         let found = look();
         let left = within.saturating_sub(begin.elapsed());
         if found.is_some() || left.is_zero() {
             return found;
         }
-        (looking, _) = CHANGED.wait_timeout(looking, left).unwrap_or_else(PoisonError::into_inner);
+        (looking, _) = changed.wait_timeout(looking, left).unwrap_or_else(PoisonError::into_inner);
     }
 }
 
@@ -185,7 +207,7 @@ pub(crate) fn connect(path: &Path) -> Result<Stream> {
 
 /// Offers a connection to the listener of a path in this process; `false` if there is none.
 fn offer(connection: Stream, path: &Path) -> bool {
-    let is_offered = match locked(&LISTENERS).get_mut(&key(path)) {
+    let is_offered = match listeners().get_mut(path) {
         Some(waiting) => {
             waiting.push_back(connection);
             true
@@ -198,34 +220,32 @@ fn offer(connection: Stream, path: &Path) -> bool {
 
 /// Listens until it is dropped.
 pub(crate) struct Listener {
-    key: (u32, PathBuf),
+    path: PathBuf,
     _tcp: tcp::Listener,
 }
 
 /// Listens at a path that nobody else has.
 pub(crate) fn listen_at(path: &Path) -> Result<Listener> {
-    let key = key(path);
-    locked(&LISTENERS).insert(key.clone(), VecDeque::new());
-    let tcp = tcp::listen_at(path);
-    let _tcp = tcp.inspect_err(|_| drop(locked(&LISTENERS).remove(&key)))?;
-    Ok(Listener { key, _tcp })
+    listeners().insert(path.to_owned(), VecDeque::new());
+    let _tcp = tcp::listen_at(path).inspect_err(|_| drop(listeners().remove(path)))?;
+    Ok(Listener { path: path.to_owned(), _tcp })
 }
 
 impl Listener {
     fn has_waiting(&self) -> bool {
-        locked(&LISTENERS).get(&self.key).is_some_and(|waiting| !waiting.is_empty())
+        listeners().get(&self.path).is_some_and(|waiting| !waiting.is_empty())
     }
 
     /// The next connection.
     pub(crate) fn accept(&self) -> Result<Stream> {
-        let next = locked(&LISTENERS).get_mut(&self.key).and_then(VecDeque::pop_front);
+        let next = listeners().get_mut(&self.path).and_then(VecDeque::pop_front);
         next.ok_or(ErrorKind::WouldBlock.into())
     }
 }
 
 impl Drop for Listener {
     fn drop(&mut self) {
-        let waiting = locked(&LISTENERS).remove(&self.key);
+        let waiting = listeners().remove(&self.path);
         drop(waiting); // without the lock
     }
 }
