@@ -39,9 +39,11 @@ test-rust *args:
 # debug: `just test-python -n 0 --pdb -k NAME`.)
 in_processes := "-n logical --maxprocesses 4 --dist loadfile"
 
-# Run the tests of embedded pools and of training with what pools use where the system is not Linux
+# Run the tests of pools and of training with what pools use where the system is not Linux
 test-portable:
     RUSTFLAGS="--cfg smaclite_portable" cargo test --release --target-dir target/portable -p smaclite-ipc -p smaclite-learn
+    RUSTFLAGS="--cfg smaclite_portable" cargo test --release --target-dir target/portable -p smaclite-tests \
+        --test pools --test in_memory
 
 # Run Python tests of the installed package, including the commands and code of the README
 test-python *args: install
