@@ -2,10 +2,9 @@
 
 use crate::architecture::{Architecture, Inputs};
 use crate::config::{Config, ConfigError, Enemies, NetworkKind};
-use crate::lane_error::{LaneError, UnequalUnits, check_equal_sides};
-use crate::lanes::{Lanes, sizes_with_history};
+use crate::lane_error::{UnequalUnits, check_equal_sides};
+use crate::lanes::sizes_with_history;
 use crate::team::{Network, OnScenario};
-use crate::team_files::TeamFiles;
 use crate::tensors::{FileError, exists, read, read_text, write};
 use crate::weights::read_actor;
 use crate::zoo;
@@ -383,19 +382,6 @@ pub(crate) fn read_policy(
     let weights = weights.unwrap_or_else(|| Weights::of(folder, run));
     weights.check_kept(folder)?;
     Ok((weights, run.playing(run.read_actor(&folder.join(weights.file_name()))?)))
-}
-
-/// The policy of the team in a folder, if it can play the enemies of these lanes, which play `setup`.
-pub(crate) fn read_rival<E>(
-    folder: &Path,
-    weights: Option<Weights>,
-    setup: &BattleSetup,
-    lanes: &Lanes,
-) -> Result<Network, E>
-where
-    E: From<FileError> + From<LaneError>,
-{
-    TeamFiles::read(folder, weights)?.rival(setup, lanes)
 }
 
 pub(crate) fn write_description(folder: &Path, run: &RunDescription) -> Result<(), FileError> {

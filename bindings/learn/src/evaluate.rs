@@ -4,7 +4,7 @@
 use crate::actor::Draw;
 use crate::collect::ended_episodes;
 use crate::config::Enemies;
-use crate::description::{OtherMap, RunDescription, Weights, read_policy, read_rival};
+use crate::description::{OtherMap, RunDescription, Weights, read_policy};
 use crate::enemy_actor::{BothActors, Teams};
 use crate::evaluations::Summary;
 use crate::lane_error::LaneError;
@@ -14,6 +14,7 @@ use crate::policy::Choice;
 use crate::random::Purpose;
 use crate::rollout::Episode;
 use crate::setups::with_an_end;
+use crate::team_files::TeamFiles;
 use crate::tensors::FileError;
 use serde::Serialize;
 use smaclite_engine::{BattleSetup, Opponents, Rules};
@@ -158,7 +159,9 @@ pub fn evaluate(
     let mut lanes = Lanes::start(&setup, num_envs, run.config.last_actions, threads, runtime_dir)?;
     let league = match &evaluation.opponent_team {
         None => League::default(),
-        Some(folder) => League::of_one(num_envs, read_rival::<EvaluateError>(folder, None, &setup, &lanes)?),
+        Some(folder) => {
+            League::of_one(num_envs, TeamFiles::read(folder, None)?.rival::<EvaluateError>(&setup, &lanes)?)
+        }
     };
     let teams = Teams { own: &network, league: &league };
     lanes.reset(seed)?;

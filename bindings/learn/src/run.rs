@@ -22,7 +22,7 @@ mod steps;
 
 use crate::checkpoint::Checkpoint;
 use crate::config::Config;
-use crate::description::{LOG, OPPONENT, RunDescription, Weights, read_rival, write_description};
+use crate::description::{LOG, OPPONENT, RunDescription, Weights, write_description};
 use crate::evaluations::{EVALUATION_WEIGHTS, EvaluationFiles, EvaluationRow, Evaluations, Trained};
 use crate::lane_error::LaneError;
 use crate::lanes::Lanes;
@@ -233,7 +233,7 @@ impl Run {
             None => None,
             Some(_) => {
                 let (folder, weights) = (folder.join(OPPONENT), Some(Weights::Last));
-                Some(read_rival::<TrainError>(&folder, weights, &setup, &lanes[0])?)
+                Some(TeamFiles::read(&folder, weights)?.rival::<TrainError>(&setup, &lanes[0])?)
             }
         };
         let mut read_rival = |number| match number {
