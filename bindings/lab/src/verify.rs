@@ -200,8 +200,8 @@ impl<'a> Verifier<'a> {
         VerifyError::Mismatch { folder: self.folder.display().to_string(), mismatch }
     }
 
-    /// The final episodes, if the run has come to the end that it was to. A complete run that was resumed with
-    /// more steps keeps those of the earlier end until then.
+    /// The final episodes, if the run has come to the end that it was to. A complete run that was resumed
+    /// with more steps keeps those of the earlier end until then.
     fn final_result(
         &self,
         all: &[(EvaluationRow, BothEpisodes)],

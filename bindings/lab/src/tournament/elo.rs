@@ -88,7 +88,8 @@ pub(super) fn ratings(n: usize, pairings: &[Battles]) -> Vec<Elo> {
 impl Battles {
     /// The sum of the squared distances of the scores from their mean. A score is 1, 1/2 for a draw, or 0.
     fn points_variance(&self) -> f64 {
-        let of_squares = self.points - self.draws / 4.0; // a draw gives half a point, whose square is a quarter
+        // A draw gives half a point, whose square is a quarter.
+        let of_squares = self.points - self.draws / 4.0;
         (of_squares - self.points * self.points / self.count).max(0.0)
     }
 }
