@@ -12,9 +12,9 @@ from pathlib import Path
 import pytest
 import smaclite_pool as sp
 
-from conftest import Serve, linux, posix, program
+from conftest import Serve, linux, program
 
-pytestmark = [linux, posix]
+pytestmark = linux
 
 
 def test_the_scenario_is_not_that_of_another_pool_of_the_name(serve: Serve) -> None:

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 
-from conftest import PROGRAM, Serve, handles, posix, program
+from conftest import PROGRAM, Serve, handles, linux, posix, program
 
 
 def test_the_program_runs_as_a_module_and_as_a_script() -> None:
@@ -134,6 +134,7 @@ importlib.reload(module)
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@linux
 def test_an_interrupted_recording_is_written_and_has_the_status_of_its_signal(
     serve: Serve, tmp_path: Path
 ) -> None:

@@ -111,6 +111,7 @@ print("done")
     assert (process.returncode, out) == (0, "done\n"), err
 
 
+@linux
 @pytest.mark.parametrize("command", ["record", "train"])
 def test_a_signal_ends_a_command_that_waits_for_a_stopped_pool(
     serve: Serve, command: str, tmp_path: Path

@@ -58,8 +58,8 @@ pub(super) fn is_free(file: &File) -> Result<bool> {
     Ok(is_free)
 }
 
-/// Whether a file exists and is locked, by a process or by another part of this one. To be
-/// called under the lock of the files, too.
+/// Whether a file exists and is locked, by a process or by another part of this one. To be called under the
+/// lock of the files, too.
 pub(super) fn is_held(lock: &Path) -> Result<bool> {
     match File::options().write(true).open(lock) {
         Ok(file) => Ok(!is_free(&file)?),
