@@ -106,14 +106,13 @@ fn a_team_is_exploited() {
             && folder.join("responses/seed-5/run.json").exists()
     );
     let result: Value = json(folder, &format!("{exploit} --json"));
-    let points =
-        result["responses"].as_array().expect("an array").iter().filter_map(|r| r["points"].as_f64());
-    let most = points.fold(0.0, f64::max);
-    assert_eq!(result["exploitability"].as_f64(), Some(most));
-    assert!(
-        printed.ends_with(&format!("exploitability  {:.1} % of the points\n", 100.0 * most)),
-        "{printed}"
-    );
+    let points = result["best"]["points"].as_f64().expect("a number");
+    assert_eq!(result["exploitability"].as_f64(), Some(points));
+    let share = format!("{:.1} %", 100.0 * points);
+    let again = format!("\n{} again ", result["best"]["seed"]);
+    let row = printed.split_once(&again).expect("a row").1.lines().next().expect("a line");
+    assert!(row.ends_with(&share), "{printed}");
+    assert!(printed.ends_with(&format!("\nexploitability  {share} of the points\n")), "{printed}");
     let taken = "`responses/seed-4` already holds a run, and `exploit` continues none; choose another folder";
     folder.fails(&format!("{exploit} --out responses"), 1, taken); // it named --resume
     folder.fails("exploit nowhere", 1, "`nowhere` is not the folder of a run");
