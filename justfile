@@ -65,9 +65,10 @@ test-learners *args: install
 # Test the pages of replays, running pools, the scenario editor, `play` and the playground in a browser (Debian: chromium)
 test-page *args: install _playground
     {{ python }} -m pip install --quiet playwright
-    {{ python }} -m pytest tests/python/test_page.py tests/python/test_watch.py tests/python/test_editor.py \
-        tests/python/test_editor_files.py tests/python/test_play.py tests/python/test_playground.py \
-        tests/python/test_page_files.py {{ in_processes }} {{ args }}
+    {{ python }} -m pytest tests/python/test_page.py tests/python/test_watch.py tests/python/test_watch_pools.py \
+        tests/python/test_editor.py tests/python/test_editor_files.py tests/python/test_play.py \
+        tests/python/test_playground.py tests/python/test_playground_map.py tests/python/test_page_files.py \
+        {{ in_processes }} {{ args }}
 
 notebook := "docs/tutorials/notebook.ipynb"
 

@@ -11,15 +11,12 @@ from typing import Any
 
 import pytest
 
-import test_playground
 from conftest import REPOSITORY, program
 from pages import PHONE, browser
+from playground_kit import Playground, pytestmark
 from test_page import Page
-from test_playground import Playground
 
-__all__ = ["browser"]
-
-pytestmark: Any = test_playground.pytestmark  # type: ignore[attr-defined]
+__all__ = ["browser", "pytestmark"]
 
 ZOO = REPOSITORY / "bindings/learn/zoo"
 
