@@ -217,6 +217,8 @@ class WatchPage {
   remember() {
     const hash = new URLSearchParams({ lane: this.lane });
     if (this.env >= 0) hash.set("env", String(this.env));
+    const asked = new URLSearchParams(location.hash.slice(1)).get("theme");
+    if (asked && THEMES.includes(asked)) hash.set("theme", asked);
     history.replaceState(null, "", `#${hash}`);
   }
 
