@@ -5,8 +5,8 @@ use std::sync::Arc;
 use serde_json::json;
 use smaclite_engine::policy::Random;
 use smaclite_engine::{
-    Arena, Battle, FeatureBlock, RecordLayout, RecordSizes, Rules, Scratch, Snapshot, Step, action,
-    feature_bounds, obs_features, policy, state_features,
+    Arena, Battle, BattleSetup, FeatureBlock, RecordLayout, RecordSizes, Rules, Scratch, Snapshot, Step,
+    action, feature_bounds, obs_features, policy, state_features,
 };
 use smaclite_scenarios::{Capability, EnemyMask, Faction, Scenario, ScenarioFiles, Smacv2};
 
@@ -86,6 +86,29 @@ fn battles_continue_from_records_with_the_same_bits() {
             assert_eq!(shown(&other), shown(&battle), "{name}");
             assert_eq!(play(&mut other, 80), play(&mut battle, 80), "{name}");
         }
+    }
+}
+
+/// Room was looked for with the sizes of SMAClite's rules, and battles of `starcraft`, where a spine crawler is
+/// 1.75 squares wide, began with units on each other.
+#[test]
+fn units_that_a_rule_set_makes_larger_need_room_too() {
+    let group =
+        |y: u32, faction: &str| json!({"x": 3, "y": y, "faction": faction, "units": {"SPINE_CRAWLER": 8}});
+    let text = json!({
+        "name": "narrow", "num_allied_units": 8, "num_enemy_units": 8, "num_unit_types": 0,
+        "groups": [group(2, "ALLY"), group(4, "ENEMY")], "attack_point": [1, 1],
+        "start_positions": {"distribution": "uniform", "allies": [0, 0, 6, 6], "enemies": [0, 0, 6, 6]},
+        "terrain": vec!["______"; 6], "width": 6, "height": 6,
+        "ally_has_shields": false, "enemy_has_shields": false,
+    });
+    let files = ScenarioFiles { source: "narrow".into(), text: text.to_string(), unit_files: Vec::new() };
+    for rules in Rules::ALL {
+        let setup = BattleSetup { rules, ..BattleSetup::new(files.clone()) };
+        let refused = setup.arena().err().map(|problems| problems.to_string());
+        let expected = "narrow: `start_positions` must leave room for 16 units on the map, of which none \
+                        overlap with the sizes and planes that they have under the rules `starcraft`";
+        assert_eq!(refused.as_deref(), (rules == Rules::Starcraft).then_some(expected));
     }
 }
 

@@ -291,6 +291,10 @@ fn a_value_out_of_range_is_named_with_its_column_unit_and_range() {
         |snapshot| snapshot.episode_return = 1.7e308,
         "snapshot column 'episode_return' must be between -1e36 and 1e36, got 1.7e308",
     );
+    check(
+        |snapshot| snapshot.units.hp[7] = 0.0, // it was dead for some rules, and alive for others
+        "snapshot column 'hp' must be above 0 for unit 7, which is alive, got 0",
+    );
     let others: [Change; 13] = [
         ("hp", |snapshot| snapshot.units.hp[7] = -1.0),
         ("shield", |snapshot| snapshot.units.shield[7] = f64::NAN),

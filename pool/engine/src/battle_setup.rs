@@ -96,7 +96,20 @@ impl BattleSetup {
             }
             _ => Ok(()),
         };
-        report.finish(sides.and(opponents).and(limit))?;
+        // The reader looked for room with the sizes in the files.
+        let room = if self.rules != Rules::Starcraft || self.rules.figures(&scenario).leaves_room() {
+            Ok(())
+        } else {
+            let n_units = scenario.units.len();
+            Err(refuse(
+                "start_positions",
+                format!(
+                    "`start_positions` must leave room for {n_units} units on the map, of which none overlap \
+                     with the sizes and planes that they have under the rules `starcraft`"
+                ),
+            ))
+        };
+        report.finish(sides.and(opponents).and(limit).and(room))?;
         let arena = Arena::new(&scenario, self.rules).with_sides(self.sides);
         let arena = arena.with_opponents(self.opponents.clone());
         let arena = match self.episode_limit {

@@ -50,24 +50,14 @@ pub(crate) fn sample(
     scenario: &Scenario,
     counts: [usize; 2],
 ) -> Result<Vec<Placement>, Reported> {
-    // Numbers of a Weyl sequence, which are spread evenly; nothing depends on their quality.
-    let mut state = 0.0;
-    let mut share = move || {
-        state = (state + 0.618_033_988_749_894_9_f64).fract();
-        state
-    };
-    let (mut drawn, mut other) = (DrawnTeams::default(), DrawnTeams::default());
+    let mut drawn = DrawnTeams::default();
     if let Some(drawer) = Drawer::of_counts(scenario, counts) {
+        let mut share = shares();
         drawer.draw(&mut share, &mut drawn);
-        other.clone_from(&drawn);
-        for _ in 0..SAMPLES {
-            if !drawer.has_room(&mut other) {
-                let n_units = counts[0] + counts[1];
-                let conflict =
-                    format!("must leave room for {n_units} units on the map, of which none overlap");
-                return Err(file.require(&crate::keys::START_POSITIONS)?.conflict(&conflict));
-            }
-            drawer.draw(&mut share, &mut other);
+        if !have_room(&drawer, drawn.clone(), &mut share) {
+            let n_units = counts[0] + counts[1];
+            let conflict = format!("must leave room for {n_units} units on the map, of which none overlap");
+            return Err(file.require(&crate::keys::START_POSITIONS)?.conflict(&conflict));
         }
         drawer.place(&mut share, &mut drawn);
     }
@@ -80,6 +70,36 @@ pub(crate) fn sample(
         units.iter().enumerate().map(placement).collect::<Vec<_>>()
     };
     Ok(sides.into_iter().flat_map(of_side).collect())
+}
+
+impl Scenario {
+    /// Whether units of the size and plane that its types have now find room in the first samples of its
+    /// episodes, as those of its files did; true if none are drawn.
+    pub fn leaves_room(&self) -> bool {
+        Drawer::new(self).is_none_or(|drawer| {
+            let (mut share, mut drawn) = (shares(), DrawnTeams::default());
+            drawer.draw(&mut share, &mut drawn);
+            have_room(&drawer, drawn, &mut share)
+        })
+    }
+}
+
+/// Numbers of a Weyl sequence, which are spread evenly; nothing depends on their quality.
+fn shares() -> impl FnMut() -> f64 {
+    let mut state = 0.0;
+    move || {
+        state = (state + 0.618_033_988_749_894_9_f64).fract();
+        state
+    }
+}
+
+/// Whether units have room in this sample and in the next ones.
+fn have_room(drawer: &Drawer, mut sample: DrawnTeams, share: &mut dyn FnMut() -> f64) -> bool {
+    (0..SAMPLES).all(|_| {
+        let has_room = drawer.has_room(&mut sample);
+        drawer.draw(share, &mut sample);
+        has_room
+    })
 }
 
 fn read_teams<'a>(

@@ -147,6 +147,12 @@ pub enum SnapshotError {
         /// The greatest possible value.
         max: f64,
     },
+    /// A living unit without health.
+    #[error("snapshot column 'hp' must be above 0 for unit {unit}, which is alive, got 0")]
+    NoHealth {
+        /// The unit's place in the columns.
+        unit: usize,
+    },
     /// A type that the unit cannot have.
     #[error("snapshot column 'unit_type' is {given} for unit {unit}, but must be {expected}")]
     NoSuchType {

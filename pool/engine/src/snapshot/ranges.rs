@@ -108,6 +108,10 @@ impl Snapshot {
             if let Some(Ranged { column, value, min, max }) = outside {
                 return Err(SnapshotError::OutOfRange { column, unit: arena.place(id), value, min, max });
             }
+            // Deaths end a tick. Such a unit would be dead for some rules and alive for others.
+            if self.units.alive[id as usize] && self.units.hp[id as usize] == 0.0 {
+                return Err(SnapshotError::NoHealth { unit: arena.place(id) });
+            }
         }
         let (value, max) = (self.episode_length, i32::MAX.cast_unsigned());
         if value > max {
