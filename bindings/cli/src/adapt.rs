@@ -10,8 +10,8 @@ use std::path::PathBuf;
 #[derive(Args)]
 #[command(after_help = "\
 The folder plays wherever that of a run does: in the playground, in `play`, and on maps whose two
-sides have equal sizes in tournaments and as an opponent. It has no checkpoint, so its training cannot
-be continued:
+sides have equal sizes in tournaments and as an opponent. It has no checkpoint, so its training
+cannot be continued:
   smaclite-pool train --maps 3m,8m,2s3z,MMM --out runs/four
   smaclite-pool adapt runs/four 3s5z --out runs/four-on-3s5z
   smaclite-pool tournament runs/four-on-3s5z kite")]

@@ -30,6 +30,11 @@ pub(super) enum ScriptsError {
         hint = or_did_you_mean(.0, scripts_by_name())
     )]
     Unknown(String),
+    #[error(
+        "`{0}` is a trained team, and only scripts play the enemies here: {names}",
+        names = scripts_by_name().join(", ")
+    )]
+    Team(String),
     #[error("`learner` is for pools whose actions play both sides; the opponents here are {}",
         scripts_by_name().join(", "))]
     Learner,
@@ -86,6 +91,7 @@ fn names_a_team_of(mixture: &str) -> bool {
 /// Scripts, for battles in which nothing else plays the enemies.
 pub(super) fn scripts(text: &str) -> Result<Opponents, ScriptsError> {
     let opponents = text.parse::<Opponents>().map_err(|error| match error {
+        OpponentsError::Unknown(name) if names_team(&name) => ScriptsError::Team(name),
         OpponentsError::Unknown(name) => ScriptsError::Unknown(name),
         OpponentsError::None => ScriptsError::None,
         error => ScriptsError::Other(error),
@@ -176,6 +182,9 @@ mod tests {
         assert!(error("kites").starts_with("unknown opponent `kites`; the opponents are attack_move"));
         assert!(error("kites").ends_with("no folder of that name with a run"));
         assert!(error("learner=1,kite=1").starts_with("`learner` is no opponent of a team"));
+        // It was unknown, and the documentation named it.
+        let mixture = scripts("hold=1,zoo:3m=1").unwrap_err().to_string();
+        assert!(mixture.starts_with("`zoo:3m` is a trained team, and only scripts play the enemies here: "));
         // They named sides `both`, which these options do not take.
         for text in ["kites", "", "learner"] {
             let errors = [error(text), scripts(text).unwrap_err().to_string()];

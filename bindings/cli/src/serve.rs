@@ -27,7 +27,8 @@ use std::sync::atomic::Ordering;
 #[command(after_help = "Examples:\n  smaclite-pool serve 2s3z:64 --name train\n  \
     smaclite-pool serve 2s3z:64 MMM2:32 ./mine.json:16 --name train --threads 8\n  \
     smaclite-pool serve easy=3s5z:64 hard=3s5z_vs_3s6z:64\n\n\
-    A learner connects with smaclite_pool.connect(\"train\").")]
+    A learner connects with smaclite_pool.connect(\"train\"), to one of several lanes with \
+    smaclite_pool.connect(\"train\", lane=\"MMM2\").")]
 pub(super) struct Serve {
     /// One lane per argument: a standard scenario or a scenario file, the number of environments N (default
     /// 64), and the lane's name (default: that of the scenario)
@@ -261,5 +262,9 @@ fn print_start(supervisor: &Supervisor) {
         };
         let _ = out!("  lane `{}`: {} x {}, {mode}", lane.lane, lane.settings.num_envs, lane.scenario);
     }
-    let _ = out!("connect with smaclite_pool.connect({:?}); stop with Ctrl-C", supervisor.name());
+    let lane = match supervisor.lanes() {
+        [first, _, ..] => format!(", lane={:?}", first.lane),
+        _ => String::new(),
+    };
+    let _ = out!("connect with smaclite_pool.connect({:?}{lane}); stop with Ctrl-C", supervisor.name());
 }

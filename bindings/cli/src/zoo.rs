@@ -12,8 +12,8 @@ use std::path::Path;
 #[derive(Args)]
 #[command(after_help = "\
 Wherever the folder of a run stands for its team, zoo:SCENARIO is the team of that scenario, and
-zoo:all-maps one that plays every map. It has no evaluations and no checkpoint, so report, verify-run
-and train --resume do not take it:
+zoo:all-maps one that plays every map. It has no evaluations and no checkpoint, so report,
+verify-run and train --resume do not take it:
   smaclite-pool evaluate zoo:2s3z
   smaclite-pool evaluate zoo:all-maps --map MMM
   smaclite-pool tournament zoo:3m attack_move kite

@@ -67,7 +67,7 @@ fn other_kind(path: &Path) -> Option<String> {
     match path.extension().and_then(|suffix| suffix.to_str()) {
         Some("smdata") => is("a dataset", "open it by `smaclite_pool.Dataset`, or `smaclite-pool dataset`"),
         Some("smreplay") => is("a replay", "play it by `smaclite-pool replay`, and see its scenario there"),
-        Some("snapshot") => is("a snapshot", "see it by `smaclite-pool show`, and restore it by `restore`"),
+        Some("snapshot") => is("a snapshot", "see it by `smaclite-pool show`, play on by `record --from`"),
         Some("safetensors") => is("the weights of a team", "load the folder by `smaclite_pool.load_team`"),
         _ => None,
     }

@@ -48,7 +48,7 @@ pub(super) struct Bench {
     /// `sampled` [default: --num-envs]
     #[arg(long, value_name = "M", value_parser = count(1..=MAX_ENVS))]
     batch_size: Option<usize>,
-    /// Seconds to measure per scenario
+    /// Seconds to measure per scenario, 0 to 1000000
     #[arg(long, default_value_t = 3.0)]
     seconds: f64,
     /// How idle threads of a pool wait: adaptive, spin or block [default: adaptive]
@@ -104,9 +104,12 @@ impl Bench {
         if batch_size > num_envs {
             return Err(format!("--batch-size must be between 1 and {num_envs}, got {batch_size}").into());
         }
-        let time = Duration::try_from_secs_f64(self.seconds).map_err(|error| {
-            format!("--seconds must be a number of at least 0, got {} ({error})", self.seconds)
-        })?;
+        if !(0.0..=1e6).contains(&self.seconds) {
+            return Err(
+                format!("--seconds must be a number from 0 to 1000000, got {:?}", self.seconds).into()
+            );
+        }
+        let time = Duration::from_secs_f64(self.seconds);
         let standard = || Scenario::standard_names().map(str::to_owned).collect();
         let names: Vec<String> = if self.scenarios.is_empty() { standard() } else { self.scenarios.clone() };
         let options = PoolOptions { threads, wait: self.wait.unwrap_or(default.wait) };

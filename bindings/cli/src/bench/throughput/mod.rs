@@ -27,7 +27,7 @@ const SEED: u64 = 1;
 
 /// What is measured.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum, Serialize)]
-#[serde(rename_all = "snake_case")]
+#[serde(rename_all = "kebab-case")] // as the option
 pub enum Mode {
     /// The engine alone: one thread plays the battles of all environments one by one
     Engine,
