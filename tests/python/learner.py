@@ -5,12 +5,15 @@ An agent attacks the nearest enemy within range and else waits; one action in ei
 
 from __future__ import annotations
 
+import signal
 import sys
 import time
 from contextlib import suppress
 
 import numpy as np
 import smaclite_pool as sp
+
+signal.signal(signal.SIGINT, signal.default_int_handler)  # SIGINT is ignored in background jobs of a script
 
 
 def main(pool: str, lane: str, steps_per_s: str) -> None:
