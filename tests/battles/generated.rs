@@ -89,8 +89,8 @@ fn battles_continue_from_records_with_the_same_bits() {
     }
 }
 
-/// Room was looked for with the sizes of SMAClite's rules, and battles of `starcraft`, where a spine crawler is
-/// 1.75 squares wide, began with units on each other.
+/// Room was looked for with the sizes of SMAClite's rules, and battles of `starcraft`, where a spine crawler
+/// is 1.75 squares wide, began with units on each other.
 #[test]
 fn units_that_a_rule_set_makes_larger_need_room_too() {
     let group =
