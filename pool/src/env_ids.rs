@@ -25,3 +25,17 @@ pub fn check_distinct(ids: impl IntoIterator<Item = i32>, num_envs: usize) -> Re
         if std::mem::replace(&mut named[env], true) { Err(Rejection::DuplicateEnv { env }) } else { Ok(()) }
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ids_name_every_environment_of_the_lane_once() {
+        assert!(check_distinct([2, 0, 1], 3).is_ok() && check_distinct([], 3).is_ok());
+        let refused = |ids: &[i32]| check_distinct(ids.iter().copied(), 3).unwrap_err();
+        assert!(matches!(refused(&[0, 2, 0]), Rejection::DuplicateEnv { env: 0 }));
+        assert!(matches!(refused(&[0, 3]), Rejection::UnknownEnv { env: 3, num_envs: 3 }));
+        assert!(matches!(refused(&[-1, 0]), Rejection::UnknownEnv { env: -1, num_envs: 3 }));
+    }
+}

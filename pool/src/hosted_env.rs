@@ -351,3 +351,44 @@ impl HostedEnv {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::lane_settings::LaneSettings;
+    use smaclite_engine::{Arena, Rules};
+    use smaclite_scenarios::Scenario;
+    use std::sync::atomic::AtomicI32;
+
+    /// An environment whose second step ends its episode.
+    fn env(autoreset: Autoreset) -> HostedEnv {
+        let arena = Arc::new(Arena::new(&Scenario::resolve("3m").unwrap(), Rules::Smaclite));
+        let settings = LaneSettings { autoreset, ..LaneSettings::new(1) };
+        let hook = |_| {
+            let end_of_second: StepHook = Box::new(|battle, actions, scratch| {
+                let step = battle.step_checked(actions.iter(), scratch);
+                Step { truncated: battle.episode_length() == 2, ..step }
+            });
+            Some(end_of_second)
+        };
+        let spec = LaneSpec { name: String::new(), settings, arena, team: None, hook: Some(Box::new(hook)) };
+        HostedEnv::new(0, &spec, None)
+    }
+
+    /// Else episodes would depend on how far the threads had come when a learner reset its environments.
+    #[test]
+    fn an_episode_whose_end_nobody_sees_is_followed_by_the_next_as_if_it_were_seen() {
+        for autoreset in [Autoreset::SameStep, Autoreset::NextStep, Autoreset::Disabled] {
+            let (mut env, mut scratch) = (env(autoreset), Scratch::new());
+            let stop = [1; 3].map(AtomicI32::new);
+            let mut length_after_step = || {
+                env.run(Task::Step, JointAction::new(&stop), autoreset, &mut scratch);
+                env.discard(autoreset);
+                (env.battle.episode_length(), env.is_over)
+            };
+            assert_eq!(length_after_step(), (1, false));
+            let is_kept = autoreset != Autoreset::SameStep;
+            assert_eq!(length_after_step(), (if is_kept { 2 } else { 0 }, is_kept));
+        }
+    }
+}

@@ -153,3 +153,35 @@ impl LaneSpec {
         self.settings.layout(self.settings.frame_sizes(self.sizes()))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn settings_are_accepted_up_to_their_limits() {
+        let error = |change: &dyn Fn(&mut LaneSettings)| {
+            let mut settings = LaneSettings::new(4);
+            change(&mut settings);
+            settings.check().err()
+        };
+        for num_envs in [1, MAX_ENVS] {
+            assert_eq!(LaneSettings::new(num_envs).check(), Ok(()));
+        }
+        for num_envs in [0, MAX_ENVS + 1] {
+            let wrong = LaneSettings { batch_size: 1, ..LaneSettings::new(num_envs) };
+            assert_eq!(wrong.check(), Err(LaneSettingsError::NumEnvs(num_envs)));
+        }
+        for batch_size in 0..6 {
+            let wrong = Some(LaneSettingsError::BatchSize { batch_size, num_envs: 4 });
+            let expected = wrong.filter(|_| !(1..=4).contains(&batch_size));
+            assert_eq!(error(&|settings| settings.batch_size = batch_size), expected);
+        }
+        let too_many = MAX_LAST_ACTIONS + 1;
+        assert_eq!(error(&|settings| settings.obs_last_actions = MAX_LAST_ACTIONS), None);
+        assert_eq!(error(&|settings| settings.team_last_actions = MAX_LAST_ACTIONS), None);
+        let wrong = |name| Some(LaneSettingsError::LastActions(name, too_many));
+        assert_eq!(error(&|settings| settings.obs_last_actions = too_many), wrong("obs_last_actions"));
+        assert_eq!(error(&|settings| settings.team_last_actions = too_many), wrong("team_last_actions"));
+    }
+}

@@ -48,3 +48,30 @@ impl LaneStats {
         self.lengths += steps.lengths;
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn returns_lengths_and_wins_are_those_of_episodes_that_ended() {
+        let goes_on = Step::default();
+        let lost = Step { terminated: true, ..Step::default() };
+        let won = Step { battle_won: true, ..lost };
+        let too_long = Step { truncated: true, ..Step::default() };
+        let mut of_thread = LaneStats::default();
+        for (step, episode_return, length) in [(goes_on, 1.0, 1), (lost, 2.0, 2), (won, 20.0, 7)] {
+            of_thread.count(&step, episode_return, length);
+        }
+        of_thread.count(&too_long, 3.5, 60);
+        let counted =
+            LaneStats { steps: 4, episodes: 3, wins: 1, returns: 25.5, lengths: 69, ..LaneStats::default() };
+        assert_eq!(of_thread, counted);
+
+        let mut of_lane = LaneStats { frames: 5, rejected: 6, accepted: 7, waited_ns: 8, ..counted };
+        of_lane.add(&of_thread);
+        let sum = LaneStats { steps: 8, episodes: 6, wins: 2, returns: 51.0, lengths: 138, ..of_lane };
+        assert_eq!(of_lane, sum);
+        assert_eq!((of_lane.frames, of_lane.rejected, of_lane.accepted, of_lane.waited_ns), (5, 6, 7, 8));
+    }
+}

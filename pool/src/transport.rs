@@ -261,3 +261,32 @@ pub trait Doorbell: Send + Sync + 'static {
     /// Rings the bell.
     fn ring(&self);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Which is refused before the first reset, and what is dropped by a request, depends on it.
+    #[test]
+    fn resets_of_all_begin_an_epoch_and_so_does_what_comes_first() {
+        let seeds = Seeds::Continue;
+        let (reset, restore) = (RequestKind::Reset { seeds, levels: false }, RequestKind::Restore { seeds });
+        let fork = RequestKind::Fork { seeds };
+        for case in 0..8 {
+            let [names_all, is_synchronous, was_reset] = [1, 2, 4].map(|bit| case & bit != 0);
+            let begins = |kind: RequestKind| kind.begins_epoch(names_all, is_synchronous, was_reset);
+            // The first batch of a synchronous lane has all environments, whichever are named.
+            let is_first_of_all = !was_reset && (names_all || is_synchronous);
+            let expected = [names_all || is_first_of_all, is_first_of_all, false, false];
+            assert_eq!([reset, restore, RequestKind::Step, fork].map(begins), expected, "case {case}");
+        }
+    }
+
+    #[test]
+    fn seeds_are_read_as_they_were_written() {
+        for seed in [None, Some(0), Some(1), Some(u64::from(u32::MAX)), Some(1 << 63 | 5), Some(u64::MAX)] {
+            let words = seed_words(seed).map(AtomicI32::new);
+            assert_eq!(read_seed(&words), seed);
+        }
+    }
+}

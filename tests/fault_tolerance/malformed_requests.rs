@@ -69,7 +69,8 @@ fn requests_of_unknown_sessions_and_malformed_ones_are_rejected_while_a_learner_
     assert_rejected(&dir, &publisher, RequestHeader { session: 0, ..good }, &payload);
     // What it says of its wait, here a minute or more, is not counted with those of accepted requests.
     assert_rejected(&dir, &publisher, RequestHeader { sent_ns: 0, ..good }, &payload);
-    assert!(dir.status().lanes[0].stats.waited_ns < 30_000_000_000, "{:?}", dir.status().lanes[0].stats);
+    let stats = dir.status().lanes[0].stats;
+    assert!((1..30_000_000_000).contains(&stats.waited_ns), "{stats:?}");
     let ours = RequestHeader { session: 1, ..good };
     for header in [
         RequestHeader { magic: 7, ..ours },

@@ -2,6 +2,7 @@
 
 use crate::harness::{Learner, all, legal_actions, start, wait_until};
 use crate::{MAX_THREADS, STEPS};
+use smaclite_pool::FollowerId;
 use smaclite_pool::transport::{Request, RequestKind, RequestNumber, SessionId};
 use smaclite_tests::LanePlan;
 use smaclite_tests::fault::{Fault, Gate};
@@ -118,6 +119,19 @@ fn a_small_lane_is_served_beside_a_large_one_that_is_always_busy() {
             wait_until("every lane has its frames", || pool.lane(lane).stats().frames >= STEPS as u64);
         }
     }
+}
+
+#[test]
+fn a_follower_reads_what_its_environment_does_until_it_leaves() {
+    let (pool, mut learners) = start(1, &[LanePlan::toy(2)]);
+    let [first, second] = [1, 2].map(FollowerId);
+    [first, second].map(|follower| pool.lane(0).follow(&[1], follower).expect("room for logs"));
+    let n_read = |env, follower| pool.lane(0).read_log(env, follower, &mut usize::MAX.clone()).len();
+    pool.lane(0).unfollow(1, first);
+    learners[0].send_reset_all(None);
+    learners[0].batch();
+    // The episode of before the reset, and the present one.
+    assert_eq!([n_read(0, second), n_read(1, first), n_read(1, second)], [0, 0, 2]);
 }
 
 #[test]

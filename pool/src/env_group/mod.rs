@@ -188,4 +188,18 @@ mod tests {
         let envs: Vec<usize> = (0..settings.num_envs).collect();
         assert_eq!([1, 2].map(|follower| group.follow(&envs, FollowerId(follower))), [Ok(()); 2]);
     }
+
+    #[test]
+    fn an_environment_keeps_its_log_as_long_as_it_has_followers() {
+        let arena = Arc::new(Arena::new(&Scenario::resolve("3m").unwrap(), Rules::Smaclite));
+        let settings = LaneSettings::new(2);
+        let group = EnvGroup::new(&LaneSpec { name: String::new(), settings, arena, team: None, hook: None });
+        let [first, second] = [1, 2].map(FollowerId);
+        [first, second].map(|follower| group.follow(&[1], follower).unwrap());
+        let n_read = |follower| group.read_log(1, follower, &mut usize::MAX.clone()).len();
+        group.unfollow(1, first);
+        assert_eq!((n_read(first), n_read(second)), (0, 1));
+        group.unfollow(1, second);
+        assert!([0, 1].iter().all(|env| group.lock(*env).log.is_none()));
+    }
 }

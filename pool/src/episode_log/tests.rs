@@ -35,6 +35,7 @@ fn every_step_is_read_once_and_every_start() {
     assert_eq!(read(&mut log, FIRST), []);
     log.step([1, 2, 3].into_iter(), false);
     assert_eq!(read(&mut log, FIRST), [(0, 1, false)]);
+    assert!(!log.is_full(), "one step fills no log");
     log.step([1, 2, 3].into_iter(), true);
     log.begin(start());
     log.begin(start());
@@ -126,10 +127,26 @@ fn an_episode_without_end_is_limited_too() {
     assert!(logs[0].next_number > 2);
 }
 
+/// What an episode has room for counts as used.
+#[test]
+fn the_memory_of_an_episode_grows_seldom_and_by_a_quarter() {
+    let mut log = log(&[FIRST], &LogMemory::new());
+    let mut grown = 0;
+    for step in 1..=10_000 {
+        let before = log.episodes[0].actions.capacity();
+        log.step([1, 2, 3].into_iter(), false);
+        let (room, needed) = (log.episodes[0].actions.capacity(), 3 * step);
+        grown += usize::from(room != before);
+        assert!(needed <= room && room <= needed + (needed / 4).max(48), "{room} for {needed}");
+        assert_eq!(log.bytes, size_of::<LoggedEpisode>() + log.episodes[0].start.capacity() + 2 * room);
+    }
+    assert!(grown < 30, "it grew {grown} times");
+}
+
 /// One answer carried everything that was not read: gigabytes.
 #[test]
 fn a_log_is_read_in_pieces() {
-    for size in (100..3000).step_by(7) {
+    for size in (100..3000).step_by(7).chain((3000..12_000).step_by(500)) {
         let mut log = log(&[FIRST], &LogMemory::new());
         for steps in [1000, 1, 0, 500] {
             play(&mut log, steps);

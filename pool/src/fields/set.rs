@@ -121,4 +121,31 @@ mod tests {
         let error = FieldSet::from_names(["obz"]).unwrap_err().to_string();
         assert!(error.contains("`obz`") && error.contains("avail_actions"), "{error}");
     }
+
+    #[test]
+    fn a_lane_that_names_no_fields_has_all_but_those_that_must_be_named() {
+        let names = |set: FieldSet| set.iter().map(|f| f.spec().name).collect::<Vec<_>>();
+        let left_out =
+            |set: FieldSet| names(FieldSet::ALL).into_iter().filter(move |name| !names(set).contains(name));
+        assert_eq!(names(FieldSet::ALL), FIELDS.map(|f| f.name));
+        let must_be_named = ["snapshot", "opponent", "level", "reward_agents", "enemy_reward_agents"];
+        assert_eq!(left_out(FieldSet::DEFAULT).collect::<Vec<_>>(), must_be_named);
+        let is_left_out = |name: &&str| name.starts_with("final_") || name.starts_with("enemy_");
+        let without_final: Vec<_> =
+            names(FieldSet::DEFAULT).into_iter().filter(|name| !is_left_out(name)).collect();
+        assert_eq!(names(FieldSet::without_final()), without_final);
+    }
+
+    #[test]
+    fn a_field_is_inserted_once_and_removed_unless_it_is_required() {
+        let mut set = FieldSet::from_names(["obs"]).unwrap();
+        let as_before = set;
+        set.insert(Field::Obs);
+        assert_eq!(set, as_before);
+        set.remove(Field::EnvId);
+        set.remove(Field::State); // which it has not
+        assert_eq!(set, as_before);
+        set.remove(Field::Obs);
+        assert!(!set.contains(Field::Obs) && set == FieldSet::from_iter([]));
+    }
 }
