@@ -29,3 +29,16 @@ impl PoolOptions {
 fn cores() -> usize {
     std::thread::available_parallelism().map_or(1, usize::from)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_learner_in_another_process_has_a_core_of_its_own_if_there_are_several() {
+        let cores = std::thread::available_parallelism().map_or(1, usize::from);
+        assert_eq!(PoolOptions::default().threads, cores);
+        let rest = if cores == 1 { 1 } else { cores - 1 };
+        assert_eq!(PoolOptions::for_other_processes().threads, rest);
+    }
+}

@@ -4,8 +4,10 @@
 use crate::harness::{start_one, start_waiting};
 use crate::{MAX_THREADS, STEPS};
 use smaclite_pool::fields::Field;
+use smaclite_pool::transport::{RequestKind, Seeds, seed_words};
 use smaclite_pool::{Autoreset, WaitStrategy};
-use smaclite_tests::{LanePlan, conformance};
+use smaclite_tests::in_memory::SentMessage;
+use smaclite_tests::{LanePlan, Row, conformance};
 
 const MODES: [Autoreset; 3] = [Autoreset::NextStep, Autoreset::SameStep, Autoreset::Disabled];
 
@@ -79,4 +81,30 @@ fn battles_in_a_pool_are_those_of_the_engine_alone() {
     check(&LanePlan::new("2s3z", 3), 2, WaitStrategy::default());
     let own = LanePlan { obs_last_actions: 2, obs_agent_id: true, ..LanePlan::new("2s3z", 3) };
     check(&own, 2, WaitStrategy::default());
+}
+
+/// Where units stand at the beginning is drawn.
+#[test]
+fn an_environment_with_a_seed_of_its_own_begins_as_with_that_seed_of_all() {
+    let plan = LanePlan::new("terran_5_vs_5", 3);
+    let (_pool, mut learner) = start_one(2, &plan);
+    learner.send_reset_all(Some(5)); // 5, 6 and 7
+    let from_five = learner.batch();
+    let kind = Some(RequestKind::Reset { seeds: Seeds::Each(()), levels: false });
+    let mut reset = |env_ids: &[i32], seeds: &[Option<u64>]| {
+        learner.number += 1;
+        let (session, number) = (learner.session, learner.number);
+        let actions = seeds.iter().copied().flat_map(seed_words).collect();
+        learner.send_raw(SentMessage { session, number, kind, env_ids: env_ids.to_vec(), actions });
+        learner.rows(&learner.frame())
+    };
+    let begins_alike = |a: &Row, b: &Row| a.value(Field::State) == b.value(Field::State);
+    let exchanged = reset(&[2, 0, 1], &[Some(5), Some(7), Some(6)]);
+    for (env, same) in [(0, 2), (1, 1), (2, 0)] {
+        assert!(begins_alike(&exchanged[env], &from_five[same]), "environment {env}");
+    }
+    let rows = reset(&[1, 2], &[None, Some(6)]);
+    assert!(begins_alike(&rows[0], &exchanged[0]), "it is not named");
+    assert!(!begins_alike(&rows[1], &exchanged[1]), "without a seed it goes on with its generator");
+    assert!(begins_alike(&rows[2], &from_five[1]));
 }

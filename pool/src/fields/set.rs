@@ -64,11 +64,6 @@ impl FieldSet {
         self.0 |= 1 << field as usize;
     }
 
-    /// Removes a field, unless no lane can omit it.
-    pub fn remove(&mut self, field: Field) {
-        self.0 &= !(1 << field as usize) | FieldSet::REQUIRED.0;
-    }
-
     /// The fields in table order.
     pub fn iter(self) -> impl Iterator<Item = Field> {
         FIELDS.iter().map(|f| f.field).filter(move |f| self.contains(*f))
@@ -137,15 +132,10 @@ mod tests {
     }
 
     #[test]
-    fn a_field_is_inserted_once_and_removed_unless_it_is_required() {
-        let mut set = FieldSet::from_names(["obs"]).unwrap();
-        let as_before = set;
-        set.insert(Field::Obs);
-        assert_eq!(set, as_before);
-        set.remove(Field::EnvId);
-        set.remove(Field::State); // which it has not
-        assert_eq!(set, as_before);
-        set.remove(Field::Obs);
-        assert!(!set.contains(Field::Obs) && set == FieldSet::from_iter([]));
+    fn a_field_that_is_inserted_twice_is_there() {
+        let mut set = FieldSet::from_iter([]);
+        assert!(!set.contains(Field::Obs));
+        (0..2).for_each(|_| set.insert(Field::Obs));
+        assert_eq!(set, FieldSet::from_names(["obs"]).unwrap());
     }
 }
