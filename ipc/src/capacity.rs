@@ -85,3 +85,34 @@ impl Capacity {
         self.requests() * (bytes + CHUNK_OVERHEAD).next_multiple_of(64)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use smaclite_engine::Sizes;
+    use smaclite_pool::fields::FieldSet;
+
+    /// That this suffices is tested with processes; more would refuse pools for which there is room.
+    #[test]
+    fn a_lane_has_room_for_what_its_learners_hold_and_its_threads_write() {
+        let sizes =
+            Sizes { n_agents: 2, n_enemies: 1, n_actions: 7, obs_size: 3, state_size: 5, ..Sizes::default() };
+        let layout = |slots| Layout::new(sizes, 0, slots, FieldSet::without_final());
+        let synchronous = LaneSettings::new(4);
+        let capacity = Capacity::new(&synchronous, 3, 4, 1);
+        assert_eq!((capacity.frames_waiting, capacity.frames_filling, capacity.requests_waiting), (2, 3, 2));
+        // A learner, a departed one and a spectator, of 4 frames each and those that wait.
+        assert_eq!((capacity.subscriptions(), capacity.frames(), capacity.requests()), (3, 3 * 6 + 3, 5));
+        assert_eq!(layout(4).bytes(), 8192);
+        assert_eq!(capacity.frame_memory(&layout(4)), 21 * (8192 + 192));
+        assert_eq!(capacity.request_memory(&layout(4), 4), 5 * (64 + 64 + 192));
+
+        let asynchronous = LaneSettings { batch_size: 2, ..LaneSettings::new(9) };
+        let capacity = Capacity::new(&asynchronous, 3, 7, 0);
+        assert_eq!((capacity.frames_waiting, capacity.frames_filling, capacity.requests_waiting), (5, 6, 9));
+        assert_eq!((capacity.subscriptions(), capacity.frames(), capacity.requests()), (2, 2 * 12 + 6, 12));
+        assert_eq!(Capacity::new(&asynchronous, 30, 7, 0).frames_filling, 12, "a thread per environment");
+        let large = LaneSettings { batch_size: 1, ..LaneSettings::new(100) };
+        assert_eq!(Capacity::new(&large, 3, 7, 0).requests_waiting, 64);
+    }
+}

@@ -367,6 +367,30 @@ mod tests {
     }
 
     #[test]
+    fn a_request_has_its_environments_and_on_the_next_cache_line_its_body() {
+        let (one, each) = (Seeds::From(1), Seeds::Each(()));
+        let layout = Layout::new(layout().sizes(), 40, 4, FieldSet::ALL);
+        let reset = |seeds, levels| RequestKind::Reset { seeds, levels };
+        // Of 17 environments, each with two actors, three units, and a snapshot of 40 bytes.
+        for (kind, bytes) in [
+            (reset(one, false), 17 * 4),
+            (reset(each, false), 128 + 17 * 12),
+            (reset(one, true), 128 + 17 * 3 * 5 * 4),
+            (reset(each, true), 128 + 17 * (12 + 3 * 5 * 4)),
+            (RequestKind::Step, 128 + 17 * 2 * 4),
+            (RequestKind::Restore { seeds: one }, 128 + 17 * 40),
+            (RequestKind::Restore { seeds: each }, 128 + 17 * (12 + 40)),
+            (RequestKind::Fork { seeds: one }, 128 + 17 * 4),
+            (RequestKind::Fork { seeds: each }, 128 + 17 * (12 + 4)),
+        ] {
+            assert_eq!(request_bytes(&layout, kind, 17), bytes, "{kind:?}");
+            assert!(bytes <= max_request_bytes(&layout, 17));
+        }
+        assert_eq!(max_request_bytes(&layout, 17), 128 + 17 * (12 + 3 * 5 * 4));
+        assert_eq!([0, 1, 16, 17].map(body_offset), [0, 64, 64, 128]);
+    }
+
+    #[test]
     fn lies_in_a_request_are_named() {
         let layout = layout();
         let good = RequestHeader::new(&layout, SessionId(7), RequestNumber(1), RequestKind::Step, 4);

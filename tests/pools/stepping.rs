@@ -150,6 +150,21 @@ fn a_reset_of_all_drops_the_results_of_earlier_steps() {
     }
 }
 
+/// Else it would wait for ever.
+#[test]
+fn a_request_for_fewer_results_than_a_batch_has_is_refused_before_it_is_sent() {
+    let dir = TestDir::new();
+    let plan = LanePlan { batch_size: 2, ..LanePlan::new("2s3z", 4) };
+    let _pool = dir.start(&PoolPlan::new([plan]));
+    let mut client = dir.client();
+    client.reset(None, None, WaitOptions::for_response()).expect("two of four environments");
+    client.recv(WaitOptions::for_response()).expect("the other two");
+    let mut reset = |env_ids: &[i32]| client.reset(None, Some(env_ids), WaitOptions::for_response());
+    let too_few = reset(&[3]).expect_err("no batch would come");
+    assert!(matches!(too_few, ClientError::TooFewForBatch { outstanding: 1, batch_size: 2 }), "{too_few}");
+    assert_eq!(reset(&[0, 3]).expect("environment 3 is ready").env_id().len(), 2);
+}
+
 #[test]
 fn a_wait_ends_by_its_timeout_or_an_interruption() {
     let dir = TestDir::new();

@@ -155,6 +155,7 @@ impl Outstanding {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use smaclite_pool::transport::Seeds;
 
     /// Of three environments in batches of two, after the first reset.
     fn outstanding() -> Outstanding {
@@ -241,5 +242,36 @@ mod tests {
         outstanding.reset_all(RequestNumber(4));
         outstanding.reset_all(RequestNumber(5));
         assert!(outstanding.release(RequestNumber(5)) && outstanding.check_was_reset().is_ok());
+    }
+
+    #[test]
+    fn a_step_of_a_synchronous_lane_names_every_environment() {
+        let mut outstanding = Outstanding::new(&LaneSettings::new(3));
+        outstanding.reset_all(RequestNumber(1));
+        outstanding.received(&[0, 1, 2]);
+        let mut step = |number, ids| outstanding.reserve_step(RequestNumber(number), ids);
+        let incomplete = step(2, &[0, 1]);
+        assert!(matches!(incomplete, Err(Rejection::IncompleteBatch { given: 2, expected: 3 })));
+        assert!(matches!(step(3, &[]), Err(Rejection::NoEnv)));
+        assert!(step(4, &[2, 0, 1]).is_ok());
+    }
+
+    #[test]
+    fn the_first_reset_of_a_synchronous_lane_begins_an_epoch_if_its_ids_are_right() {
+        let mut outstanding = Outstanding::new(&LaneSettings::new(3));
+        let reset = RequestKind::Reset { seeds: Seeds::Continue, levels: false };
+        let begins = |outstanding: &Outstanding, ids| outstanding.begins_epoch(reset, ids);
+        assert!(matches!(begins(&outstanding, None), Ok(true)));
+        assert!(matches!(begins(&outstanding, Some(&[1])), Ok(true)));
+        assert!(matches!(begins(&outstanding, Some(&[])), Err(Rejection::NoEnv)));
+        assert!(matches!(begins(&outstanding, Some(&[1, 1])), Err(Rejection::DuplicateEnv { env: 1 })));
+        assert!(matches!(begins(&outstanding, Some(&[3])), Err(Rejection::UnknownEnv { env: 3, .. })));
+        outstanding.reset_all(RequestNumber(1));
+        outstanding.received(&[0, 1, 2]);
+        assert!(matches!(begins(&outstanding, Some(&[2, 1, 0])), Ok(true)));
+        // Later ones of some begin none, and what is wrong with their ids is found when they are marked.
+        assert!(
+            [&[1][..], &[1, 1], &[]].iter().all(|ids| matches!(begins(&outstanding, Some(ids)), Ok(false)))
+        );
     }
 }
