@@ -81,6 +81,8 @@ fn battles_in_a_pool_are_those_of_the_engine_alone() {
     check(&LanePlan::new("2s3z", 3), 2, WaitStrategy::default());
     let own = LanePlan { obs_last_actions: 2, obs_agent_id: true, ..LanePlan::new("2s3z", 3) };
     check(&own, 2, WaitStrategy::default());
+    // Each agent has 70 actions, which are more than a word has bits.
+    check(&LanePlan::new("2c_vs_64zg", 2), 1, WaitStrategy::default());
 }
 
 /// Where units stand at the beginning is drawn.

@@ -251,4 +251,18 @@ mod tests {
             format!("threads must be between 1 and 1024, got {}", usize::MAX)
         );
     }
+
+    #[test]
+    fn what_a_lane_holds_back_is_accepted_up_to_its_limits() {
+        let lane = |max_held_batches, spectators| {
+            let setup = BattleSetup::new(ScenarioFiles::resolve("3m").unwrap().1);
+            LaneConfig { max_held_batches, spectators, ..LaneConfig::new("lane", setup, 2) }
+        };
+        assert!([lane(2, 0), lane(1024, 64)].iter().all(|lane| lane.check().is_ok()));
+        for wrong in [1, 1025] {
+            let error = lane(wrong, 0).check();
+            assert!(matches!(error, Err(LaneConfigError::MaxHeldBatches(given)) if given == wrong));
+        }
+        assert!(matches!(lane(2, 65).check(), Err(LaneConfigError::Spectators(65))));
+    }
 }

@@ -122,3 +122,16 @@ impl ActionMask<'_> {
         (0..64 * self.0.len()).filter(|action| self.has(*action as i32)).collect()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn actions_beyond_the_64th_are_available_too() {
+        let words = [1 << 3 | 1 << 63, 1 << 5].map(AtomicU64::new);
+        let mask = ActionMask(&words);
+        assert_eq!(mask.actions(), [3, 63, 69]);
+        assert!([-1, 0, 64, 128].iter().all(|action| !mask.has(*action)));
+    }
+}
