@@ -125,7 +125,7 @@ fn a_small_lane_is_served_beside_a_large_one_that_is_always_busy() {
 fn a_follower_reads_what_its_environment_does_until_it_leaves() {
     let (pool, mut learners) = start(1, &[LanePlan::toy(2)]);
     let [first, second] = [1, 2].map(FollowerId);
-    [first, second].map(|follower| pool.lane(0).follow(&[1], follower).expect("room for logs"));
+    [first, second].iter().for_each(|follower| pool.lane(0).follow(&[1], *follower).expect("room"));
     let n_read = |env, follower| pool.lane(0).read_log(env, follower, &mut usize::MAX.clone()).len();
     pool.lane(0).unfollow(1, first);
     learners[0].send_reset_all(None);

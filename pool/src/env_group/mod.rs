@@ -195,7 +195,7 @@ mod tests {
         let settings = LaneSettings::new(2);
         let group = EnvGroup::new(&LaneSpec { name: String::new(), settings, arena, team: None, hook: None });
         let [first, second] = [1, 2].map(FollowerId);
-        [first, second].map(|follower| group.follow(&[1], follower).unwrap());
+        [first, second].iter().for_each(|follower| group.follow(&[1], *follower).unwrap());
         let n_read = |follower| group.read_log(1, follower, &mut usize::MAX.clone()).len();
         group.unfollow(1, first);
         assert_eq!((n_read(first), n_read(second)), (0, 1));
