@@ -152,3 +152,79 @@ impl<O: Outlet> Frames<O> {
         Ok(self.open.len() - 1)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+    use std::sync::{Arc, Mutex};
+
+    #[repr(align(128))]
+    struct Memory([u8; 128]);
+
+    /// A frame, which counts as lent until it is dropped.
+    struct Lent(Box<Memory>, Arc<AtomicUsize>);
+
+    impl Drop for Lent {
+        fn drop(&mut self) {
+            self.1.fetch_sub(1, Relaxed);
+        }
+    }
+
+    #[derive(Clone, Default)]
+    struct Memories {
+        lent: Arc<AtomicUsize>,
+        published: Arc<Mutex<Vec<FrameContent>>>,
+    }
+
+    // SAFETY: a loan owns its memory, which does not move with it.
+    #[allow(unsafe_code)]
+    unsafe impl Outlet for Memories {
+        type Loan = Lent;
+
+        fn loan(&mut self) -> Result<Lent, TransportError> {
+            self.lent.fetch_add(1, Relaxed);
+            Ok(Lent(Box::new(Memory([0; 128])), Arc::clone(&self.lent)))
+        }
+
+        fn payload(loan: &mut Lent) -> &mut [u8] {
+            &mut loan.0.0
+        }
+
+        fn publish(&mut self, _: Lent, _: Option<Epoch>, content: FrameContent) {
+            self.published.lock().unwrap().push(content);
+        }
+    }
+
+    /// Else its memory would be that of another frame while a thread still writes to it.
+    #[test]
+    fn a_frame_whose_epoch_is_over_stays_until_all_who_write_to_it_are_done() {
+        let memories = Memories::default();
+        let lent = || memories.lent.load(Relaxed);
+        let mut frames = Frames::new(memories.clone(), 3).unwrap();
+        let epoch = |reset| Epoch { session: SessionId(1), reset: Some(RequestNumber(reset)) };
+        frames.begin_epoch(epoch(1));
+        let spare = lent();
+        let [first, second] = [(); 2].map(|()| frames.claim().unwrap().unwrap());
+        assert_eq!(lent(), spare + 1);
+        frames.begin_epoch(epoch(2));
+        assert!(!frames.complete(first));
+        assert_eq!(lent(), spare + 1, "a thread still writes the second slot");
+        assert!(!frames.complete(second));
+        assert_eq!(lent(), spare);
+        // The next frame is another one, and published when it is full.
+        let claims = [(); 3].map(|()| frames.claim().unwrap().unwrap());
+        assert_eq!(claims.map(|claim| frames.complete(claim)), [false, false, true]);
+        assert_eq!(*memories.published.lock().unwrap(), [FrameContent::Batch]);
+    }
+
+    #[test]
+    fn a_frame_is_kept_for_the_report_that_the_lane_failed() {
+        let memories = Memories::default();
+        let mut frames = Frames::new(memories.clone(), 1).unwrap();
+        for session in [Some(SessionId(1)), None] {
+            frames.begin_session(session);
+            assert_eq!(memories.lent.load(Relaxed), 1, "one, and the same");
+        }
+    }
+}
