@@ -52,9 +52,9 @@ pub type OnTrainEvent<'a> = dyn Fn(u64, TrainEvent) + Sync + 'a;
 /// Checks that there are so many seeds from the first on.
 ///
 /// # Errors
-/// If the last one would be above `u64::MAX`.
+/// If there are none, or the last one would be above `u64::MAX`.
 pub fn check_seeds(seed: u64, count: u64) -> Result<(), SeedsError> {
-    let last = seed.checked_add(count.saturating_sub(1));
+    let last = seed.checked_add(count.checked_sub(1).ok_or(SeedsError::None)?);
     last.map(|_| ()).ok_or(SeedsError::TooHigh { seed, count })
 }
 

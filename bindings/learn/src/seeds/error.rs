@@ -34,6 +34,8 @@ pub enum SeedsError {
     TooFew { folder: PathBuf, first: u64, last: u64, count: u64 },
     #[error("the last of {count} seeds from {seed} on would be above {}", u64::MAX)]
     TooHigh { seed: u64, count: u64 },
+    #[error("the number of seeds must be at least 1, got 0")]
+    None,
     #[error(
         "the run with seed {seed} could not begin: {source}\n`train --resume {} --seeds {count}` begins the \
          missing runs and continues the others", folder.display()

@@ -46,6 +46,15 @@ fn seeds_train_together_as_they_do_alone() {
 }
 
 #[test]
+fn no_seeds_are_refused_before_a_run_begins() {
+    let place = Place::new();
+    let folder = place.path("runs");
+    let begun = Seeds::begin(&folder, &small(), 0, &[scenario()], &place.runtime_dir, &mut || false);
+    assert_eq!(begun.err().unwrap().to_string(), "the number of seeds must be at least 1, got 0");
+    assert!(!folder.exists());
+}
+
+#[test]
 fn an_error_of_one_seed_does_not_end_the_others() {
     let place = Place::new();
     let folder = place.path("runs");
