@@ -86,7 +86,8 @@ fields! {
     BattleWon "battle_won": Bool []
         "all enemies are dead at its end; with SMACv2's interface all but healers, and not if all agents are",
     DeadAllies "dead_allies": I32 [] "agents that died so far in the episode, or that its level left out",
-    DeadEnemies "dead_enemies": I32 [] "the same of enemies",
+    DeadEnemies "dead_enemies": I32 []
+        "enemies that died so far in the episode, or that its level left out",
     EpisodeReturn "episode_return": F32 [] "sum of rewards so far; on an episode's last step its total",
     EpisodeLength "episode_length": I32 [] "steps so far; on an episode's last step its total",
     WasReset "was_reset": Bool []
