@@ -3,6 +3,7 @@
 
 mod conformance;
 mod determinism;
+mod few_units;
 mod generated;
 mod maps;
 mod playground;

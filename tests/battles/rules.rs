@@ -1,13 +1,9 @@
 //! Rules that recorded battles seldom or never exercise, in battles of a few units.
 
-use std::path::Path;
-use std::sync::Arc;
-
 use glam::Vec2;
-use smaclite_engine::{
-    Arena, Battle, ExecutionOrder, Faction, Rules, Scratch, Snapshot, TICKS_PER_STEP, action,
-};
-use smaclite_scenarios::Scenario;
+use smaclite_engine::{Battle, ExecutionOrder, Faction, Rules, Scratch, Snapshot, TICKS_PER_STEP, action};
+
+use crate::few_units::few_units;
 
 const STOP: i32 = action::STOP as i32;
 const TARGET: i32 = action::FIRST_TARGET as i32;
@@ -20,23 +16,7 @@ struct Setting {
 
 impl Setting {
     fn new(rules: Rules, allies: &str, enemies: &str) -> Setting {
-        let count = |units: &str| -> u32 {
-            units
-                .split(',')
-                .map(|unit| unit.rsplit(':').next().and_then(|n| n.trim().parse().ok()).unwrap_or(0u32))
-                .sum()
-        };
-        let json = format!(
-            r#"{{ "name": "few", "num_allied_units": {}, "num_enemy_units": {}, "groups": [
-                {{ "x": 9, "y": 16, "faction": "ALLY", "units": {{ {allies} }} }},
-                {{ "x": 23, "y": 16, "faction": "ENEMY", "units": {{ {enemies} }} }} ],
-                "terrain_preset": "SIMPLE", "attack_point": [9, 16], "num_unit_types": 0,
-                "ally_has_shields": false, "enemy_has_shields": false }}"#,
-            count(allies),
-            count(enemies)
-        );
-        let scenario = Scenario::from_json(&json, "few", Path::new(".")).expect("a valid scenario");
-        let battle = Battle::new(Arc::new(Arena::new(&scenario, rules)), 1);
+        let battle = few_units(rules, allies, enemies);
         Setting { snapshot: battle.save(), battle }
     }
 

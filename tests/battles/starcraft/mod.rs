@@ -5,7 +5,6 @@ mod attacks;
 mod bodies;
 mod starts;
 
-use std::path::Path;
 use std::sync::Arc;
 
 use glam::Vec2;
@@ -13,6 +12,8 @@ use serde_json::json;
 use smaclite_engine::policy::Random;
 use smaclite_engine::{Arena, Battle, BattleSetup, ExecutionOrder, Rules, Scratch, Snapshot, Units, action};
 use smaclite_scenarios::{Scenario, ScenarioFiles};
+
+use crate::few_units::few_units;
 
 const STOP: i32 = action::STOP as i32;
 const EAST: i32 = action::EAST as i32;
@@ -29,22 +30,7 @@ struct Field {
 impl Field {
     /// Units are given as in a scenario file: `"MARINE": 2`.
     fn new(agents: &str, enemies: &str) -> Field {
-        let count = |units: &str| -> u32 {
-            let counts =
-                units.split(',').filter_map(|unit| unit.rsplit(':').next()?.trim().parse::<u32>().ok());
-            counts.sum()
-        };
-        let json = format!(
-            r#"{{ "name": "few", "num_allied_units": {}, "num_enemy_units": {}, "groups": [
-                {{ "x": 9, "y": 16, "faction": "ALLY", "units": {{ {agents} }} }},
-                {{ "x": 23, "y": 16, "faction": "ENEMY", "units": {{ {enemies} }} }} ],
-                "terrain_preset": "SIMPLE", "attack_point": [9, 16], "num_unit_types": 0,
-                "ally_has_shields": false, "enemy_has_shields": false }}"#,
-            count(agents),
-            count(enemies),
-        );
-        let scenario = Scenario::from_json(&json, "few", Path::new(".")).expect("a valid scenario");
-        let battle = Battle::new(Arc::new(Arena::new(&scenario, Rules::Starcraft)), 1);
+        let battle = few_units(Rules::Starcraft, agents, enemies);
         Field { snapshot: battle.save(), battle }
     }
 
