@@ -14,7 +14,7 @@ export const theme = {
 
   start() {
     const dark = matchMedia("(prefers-color-scheme: dark)");
-    let chosen = [asked(), stored("theme")].find(isTheme) ?? null;
+    let chosen = [askedTheme(), stored("theme")].find(isTheme) ?? null;
     const apply = () => {
       const name = chosen ?? (dark.matches ? "dark" : "light");
       document.documentElement.dataset.theme = name;
@@ -23,8 +23,9 @@ export const theme = {
     };
     dark.addEventListener("change", apply);
     addEventListener("hashchange", () => {
-      if (!isTheme(asked())) return;
-      chosen = asked();
+      const asked = askedTheme();
+      if (!asked) return;
+      chosen = asked;
       apply();
     });
     // Another page of this origin, or one in a frame of this page, changed the choice.
@@ -65,11 +66,14 @@ export const theme = {
   },
 };
 
-/** The theme that the address says. */
-const asked = () => new URLSearchParams(location.hash.slice(1)).get("theme");
-
 /** @param {string | null} name */
 const isTheme = (name) => THEMES.includes(name ?? "");
+
+/** The theme that the address says, or null. */
+export function askedTheme() {
+  const name = new URLSearchParams(location.hash.slice(1)).get("theme");
+  return isTheme(name) ? name : null;
+}
 
 /** @param {string} key */
 function stored(key) {

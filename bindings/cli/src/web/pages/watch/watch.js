@@ -5,7 +5,7 @@ import { THEMES, readAddress } from "#view/address.js";
 import { byId, make, messageOf, pairsOf, say } from "#view/dom.js";
 import { everyFrame } from "#view/frames.js";
 import { counted } from "#view/numbers.js";
-import { theme } from "#view/theme.js";
+import { askedTheme, theme } from "#view/theme.js";
 import { Connection, ConnectionLost } from "../connection.js";
 import { FollowPlayer, seconds } from "./follow.js";
 import { Grid, MOST_CELLS } from "./grid.js";
@@ -217,8 +217,8 @@ class WatchPage {
   remember() {
     const hash = new URLSearchParams({ lane: this.lane });
     if (this.env >= 0) hash.set("env", String(this.env));
-    const asked = new URLSearchParams(location.hash.slice(1)).get("theme");
-    if (asked && THEMES.includes(asked)) hash.set("theme", asked);
+    const asked = askedTheme();
+    if (asked) hash.set("theme", asked);
     history.replaceState(null, "", `#${hash}`);
   }
 
