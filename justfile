@@ -194,8 +194,8 @@ coverage-python *args: install
     {{ python }} -m pytest tests/python {{ in_processes }} --cov --cov-report=term {{ args }}
 
 # One mutant at a time is built and tested in a copy of the sources; .cargo/mutants.toml says which are left out. A mutant
-# takes a minute or more, as the crate and the tests are compiled anew, so name what you changed: `--file pool/src/lane.rs`, or
-# `--in-diff FILE` with what `git diff main` prints. `--list` only lists them.
+# takes a minute or more, as the crate and the tests are compiled anew, so name what you changed: `--file
+# pool/src/lane.rs`, or `--in-diff FILE` with what `git diff main` prints. `--list` only lists them.
 #
 # Change the code of a crate, pool, ipc or engine, in every small way that no test may miss (installs cargo-mutants)
 mutants crate *args:
