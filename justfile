@@ -49,6 +49,10 @@ test-portable:
 test-python *args: install
     {{ python }} -m pytest tests/python {{ in_processes }} {{ args }}
 
+# Train what pages of the documentation train, with all steps (elsewhere few), and compare the win rates that they show
+test-trainings: install
+    SMACLITE_WHOLE_TRAININGS=1 {{ python }} -m pytest tests/python/test_docs.py -k test_page -o faulthandler_timeout=0
+
 # Run Python tests with one framework in a separate virtual environment: torch, jax, ray, rllib, torchrl, vault, minari or report
 test-integration name *args:
     python3 -m venv .venv/integrations/{{ name }}

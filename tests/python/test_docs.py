@@ -3,6 +3,9 @@
 A page is a session: its blocks share a folder, files that it names are written, and a pool that it starts
 runs until the page ends. What cannot be run here is in `NOT_RUN`, with the reason. Blocks whose framework is
 not installed are skipped, as the frameworks cannot share one environment.
+
+Trainings are made shorter. With `SMACLITE_WHOLE_TRAININGS` set (`just test-trainings`, every night) those of
+pages that show a win rate are not, and that must be what they give: another default changes it.
 """
 
 from __future__ import annotations
@@ -150,6 +153,11 @@ SHORTER = {
 }
 """Commands and code are run with fewer steps and seeds of training than on the page."""
 
+WHOLE_TRAININGS = "SMACLITE_WHOLE_TRAININGS" in os.environ
+
+OTHER_PROCESSOR = 10.0
+"""How far a win rate in percent may be from that of a page: a team learns otherwise on another processor."""
+
 
 class Block(NamedTuple):
     language: str
@@ -195,7 +203,13 @@ def is_shown(shown: str, printed: str) -> bool:
     return re.fullmatch("(?:.*\n)*?".join(map(re.escape, lines)), printed) is not None
 
 
+def win_rates(text: str) -> list[float]:
+    return [float(number) for number in re.findall(r"([\d.]+) %", text)]
+
+
 def shorter(code: str) -> str:
+    if WHOLE_TRAININGS:
+        return code
     for pattern, short in SHORTER.items():
         code = re.sub(pattern, short, code)
     return code
@@ -237,6 +251,9 @@ class Session:
         if block.is_printed:
             change = str if ".printed" in block.language else without_numbers
             same = is_shown(change(code), change(self.printed))
+            if WHOLE_TRAININGS:
+                rates = win_rates(self.printed)[: len(win_rates(code))]
+                same = same and win_rates(code) == pytest.approx(rates, abs=OTHER_PROCESSOR)
             assert self.missing or same, f"shown:\n{code}\nprinted:\n{self.printed}"
         elif block.language == "python" and block.file.endswith(".py"):
             (self.folder / block.file).write_text(code)  # a command of the page runs it
@@ -267,7 +284,12 @@ class Session:
 
     def execute(self, argv: list[str], code: str) -> None:
         done = subprocess.run(
-            argv, env=self.environment, cwd=self.folder, capture_output=True, text=True, timeout=180
+            argv,
+            env=self.environment,
+            cwd=self.folder,
+            capture_output=True,
+            text=True,
+            timeout=1800 if WHOLE_TRAININGS else 180,
         )
         missing = re.search(r"ModuleNotFoundError: No module named '(\w+)", done.stderr)
         if missing and missing[1] in FRAMEWORKS:
@@ -301,7 +323,13 @@ def runnable(page: Path) -> list[Block]:
     return [block for block in found if not reason(place(page), block.code)]
 
 
-@pytest.mark.parametrize("place", [place(page) for page in PAGES if runnable(page)])
+def is_tested(page: Path) -> bool:
+    if WHOLE_TRAININGS:
+        return any(".like" in block.language and win_rates(block.code) for block in runnable(page))
+    return bool(runnable(page))
+
+
+@pytest.mark.parametrize("place", [place(page) for page in PAGES if is_tested(page)])
 def test_page(place: str, session: Session) -> None:
     if before := BEFORE.get(place):
         session.run(Block("sh", before, ""))
