@@ -33,6 +33,8 @@ def no_warnings() -> Iterator[None]:
     """Gymnasium's checkers report by warnings."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
+        # JAX warns of every fork, once a test before has imported it. Those here do not use it.
+        warnings.filterwarnings("ignore", message=r"os\.fork\(\) was called")
         yield
 
 
