@@ -348,6 +348,6 @@ site: _site _playground
     {{ python }} -m mkdocs build
 
 # Commit the site of a version, such as 0.1, to the branch gh-pages, as the newest (`--push` publishes it)
-site-deploy version *args: _site _playground
+site-deploy version *args: _site playground
     PATH={{ venv }}/bin:"$PATH" {{ venv }}/bin/mike deploy --update-aliases {{ args }} {{ version }} latest
     PATH={{ venv }}/bin:"$PATH" {{ venv }}/bin/mike set-default {{ args }} latest
