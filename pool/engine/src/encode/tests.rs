@@ -3,7 +3,8 @@
 use glam::Vec2;
 use smaclite_scenarios::{Faction, Scenario};
 
-use super::{Available, ObsScratch, UnitTables, View, write_obs, write_state};
+use super::state::types_in_state;
+use super::{Available, ObsScratch, UnitFeatures, UnitTables, View, write_obs, write_state};
 use crate::arena::Arena;
 use crate::command::{DIRECTIONS, action};
 use crate::distance::distance;
@@ -225,6 +226,7 @@ fn check_side(
     let mut state = vec![f32::NAN; sizes.state_size];
     write_state(view, &last_actions, &mut state);
     assert_eq!(bits(&state), bits(&definition.state(&last_actions)), "{which}: state");
+    check_reading(view, &state, which);
 
     let mut avail = vec![7; sizes.n_agents * sizes.n_actions];
     view.available.write(&mut avail);
@@ -232,6 +234,20 @@ fn check_side(
         let is_available = |action| u8::from(definition.is_available(id, action));
         let expected: Vec<u8> = (0..sizes.n_actions).map(is_available).collect();
         assert_eq!(row, expected, "{which}: {id}");
+    }
+}
+
+/// What is read from a state is what was written.
+fn check_reading(view: &View, state: &[f32], which: &str) {
+    let (arena, mut types) = (view.arena, Vec::new());
+    types_in_state(arena, view.faction, state, &mut types);
+    for id in arena.unit_ids() {
+        let mut written = UnitFeatures::of(view, id, arena.faction(id) == view.faction);
+        (written.x, written.y) = (view.sign() * written.x, view.sign() * written.y);
+        assert_eq!(UnitFeatures::read(arena, view.faction, id, state), written, "{which}: {id} in the state");
+        let [read, own] = [types[id as usize], arena.approaches[id as usize].unit_type];
+        let of_type = |unit_type: u32| arena.features.of_type[unit_type as usize];
+        assert_eq!(of_type(read), of_type(own), "{which}: type of {id} in the state");
     }
 }
 

@@ -186,6 +186,27 @@ mod tests {
         }
     }
 
+    /// The last actions of agents stand behind all units.
+    #[test]
+    fn rows_have_the_columns_of_their_unit() {
+        let scenario = Scenario::standard("2s3z").unwrap();
+        let size = Arena::new(&scenario, Rules::Smaclite).sizes().state_size;
+        let UnitLayout { allies, enemies, .. } = UnitLayout::of_state(&scenario, size);
+        let columns: Vec<f32> = (0..size).map(|column| column as f32).collect();
+        let row = |rows: &UnitRows, unit| rows.row(&columns, unit).flatten().copied().collect::<Vec<_>>();
+        let range = |from: u8, to: u8| (from..to).map(f32::from);
+        assert_eq!((allies.width(), enemies.width()), (7 + 11, 6));
+        assert_eq!(row(&allies, 2), range(14, 21).chain(range(65 + 22, 65 + 33)).collect::<Vec<_>>());
+        assert_eq!(row(&enemies, 4), range(35 + 24, 35 + 30).collect::<Vec<_>>());
+
+        let mut state = vec![0.0; size];
+        (state[13], state[35 + 6], state[65]) = (1.0, 1.0, 1.0);
+        let seen = |rows: &UnitRows| [0, 1, 2].map(|unit| rows.is_seen(&state, unit));
+        assert_eq!(seen(&allies), [false, true, false], "an action makes no unit seen");
+        assert_eq!(seen(&enemies), [false, true, false]);
+        assert!(!UnitRows::default().is_seen(&state, 0));
+    }
+
     #[test]
     fn healers_are_known_by_their_type_or_their_number() {
         let layout = |name: &str| TargetLayout::new(&Scenario::standard(name).unwrap()).unwrap();

@@ -289,3 +289,6 @@ impl Reader<'_> {
         is_one.then_some(first).ok_or_else(|| "observations do not say the types of units".into())
     }
 }
+
+#[cfg(test)]
+mod tests;
