@@ -97,3 +97,94 @@ impl Interface {
 fn time(is_there: bool) -> Option<(&'static str, Option<usize>, Vec<String>)> {
     is_there.then(|| ("time", None, names(&["time"])))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{obs_features, state_features};
+    use smaclite_scenarios::{Capability, Scenario, Smacv2};
+
+    /// Each block as `name from its first feature, rows: features`.
+    fn described(blocks: Vec<FeatureBlock>) -> Vec<String> {
+        let rows = |rows: Option<usize>| rows.map_or("one row".to_owned(), |n| format!("{n} rows"));
+        let block = |block: FeatureBlock| {
+            let FeatureBlock { name, start, rows: n, features } = block;
+            format!("{name} from {start}, {}: {}", rows(n), features.join(" "))
+        };
+        blocks.into_iter().map(block).collect()
+    }
+
+    #[test]
+    fn features_are_named_as_the_options_say() {
+        let with = |options: Smacv2| {
+            let mut scenario = Scenario::standard("2s3z").unwrap();
+            scenario.smacv2 = Some(options);
+            let state = state_features(&scenario);
+            (described(obs_features(&scenario)), described(state), crate::action_names(&scenario))
+        };
+        let capability = Capability { lower_bound: 0.1, upper_bound: 0.4, observe: true };
+        let (obs, state, actions) = with(Smacv2 {
+            conic_fov: true,
+            num_fov_actions: 2,
+            obs_all_health: false,
+            obs_own_health: true,
+            obs_last_action: true,
+            obs_pathing_grid: true,
+            obs_terrain_height: true,
+            obs_own_pos: true,
+            obs_timestep_number: true,
+            state_last_action: true,
+            state_timestep_number: true,
+            attack: Some(capability),
+            health: Some(capability),
+            ..Smacv2::default()
+        });
+        let own = "attack_probability health_level";
+        assert_eq!(
+            actions.join(" "),
+            "no_op stop north south east west look_0 look_1 target_0 target_1 target_2 target_3 target_4"
+        );
+        let last_action = actions.iter().map(|action| format!(" last_{action}")).collect::<String>();
+        let around = |what| {
+            ["north", "south", "east", "west", "north_east", "south_west", "south_east", "north_west"]
+                .map(|place| format!(" {what}_{place}"))
+                .concat()
+        };
+        let (walkable, height) = (around("walkable"), around("height"));
+        assert_eq!(
+            obs,
+            [
+                format!("moves from 0, one row: north south east west{walkable}{height} height_here"),
+                "enemies from 21, 5 rows: targetable distance dx dy type_0 type_1".to_owned(),
+                format!("allies from 51, 4 rows: visible distance dx dy {own} type_0 type_1{last_action}"),
+                format!("own from 135, one row: health shield {own} x y look_x look_y type_0 type_1"),
+                "time from 145, one row: time".to_owned(),
+            ]
+        );
+        let ally = "health energy/cooldown rel_x rel_y shield";
+        assert_eq!(
+            state,
+            [
+                format!("allies from 0, 5 rows: {ally} {own} look_x look_y type_0 type_1"),
+                "enemies from 55, 5 rows: health rel_x rel_y shield type_0 type_1".to_owned(),
+                format!("last_action from 85, 5 rows: {}", actions.join(" ")),
+                "time from 150, one row: time".to_owned(),
+            ]
+        );
+
+        let (obs, state, _) =
+            with(Smacv2 { obs_all_health: true, obs_own_health: false, ..Smacv2::default() });
+        assert_eq!(
+            obs,
+            [
+                "moves from 0, one row: north south east west",
+                "enemies from 4, 5 rows: targetable distance dx dy health shield type_0 type_1",
+                "allies from 44, 4 rows: visible distance dx dy health shield type_0 type_1",
+                "own from 76, one row: health shield type_0 type_1",
+            ]
+        );
+        assert!(!state.iter().any(|block| block.starts_with("time")), "{state:?}");
+        let (_, state, _) = with(Smacv2 { obs_instead_of_state: true, ..Smacv2::default() });
+        assert!(state[0].starts_with("agents from 0, 5 rows: obs_0 obs_1 "), "{state:?}");
+    }
+}
