@@ -7,6 +7,7 @@ mod few_units;
 mod generated;
 mod maps;
 mod playground;
+mod policies;
 mod properties;
 mod rewards;
 mod rules;

@@ -197,15 +197,16 @@ impl Interface {
         let mut order = [0; smaclite_scenarios::MAX_UNITS as usize];
         let order = &mut order[..self.n_agents];
         order.iter_mut().zip(0..).for_each(|(place, agent)| *place = agent);
-        if o.published || o.prob_obs_enemy < 1.0 {
+        // Else whoever sees an enemy may see it.
+        let draws = o.published || o.prob_obs_enemy < 1.0;
+        if draws {
             chance.order(order);
         }
         perception.shown.fill(false);
         if !o.obs_starcraft {
             return;
         }
-        if !o.published && o.prob_obs_enemy >= 1.0 {
-            // Whoever sees an enemy may see it.
+        if !draws {
             return self.show_all_seen(frame, perception);
         }
         for &agent in order.iter().filter(|agent| frame.is_alive(usize::from(**agent))) {
@@ -254,8 +255,7 @@ impl Interface {
             first_seer[enemy] = Some(agent);
             for (other, flag) in flags.iter_mut().enumerate() {
                 let is_seer = other == usize::from(agent);
-                let draws = o.published || o.prob_obs_enemy < 1.0;
-                *flag |= is_seer || !draws || chance.flag(agent.into(), enemy, other) < o.prob_obs_enemy;
+                *flag |= is_seer || chance.flag(agent.into(), enemy, other) < o.prob_obs_enemy;
             }
         }
         let flag = flags[usize::from(agent)];

@@ -4,7 +4,7 @@
 #[derive(Debug, Default)]
 pub(super) struct NearestList {
     /// The bits of the squared distance, and below them the index. Non-negative floats have the order of
-    /// their bits, so keys sort by distance, and equal distances by index.
+    /// their bits, so keys sort by distance, and equal distances by index. After `replace` the index alone.
     /// Entries from `n` on are stale.
     keys: Vec<u64>,
     n: usize,
@@ -37,10 +37,11 @@ impl NearestList {
         }
         keys[at] = key;
     }
-    /// Replaces every index by the entry of a list at that index.
+
+    /// Replaces every index by the entry of a list at that index. Nothing can be inserted then.
     pub fn replace(&mut self, list: &[u32]) {
         for key in &mut self.keys[..self.n] {
-            *key = *key >> 32 << 32 | u64::from(list[*key as u32 as usize]);
+            *key = u64::from(list[*key as u32 as usize]);
         }
     }
 
