@@ -11,7 +11,7 @@ use smaclite_engine::{
 use smaclite_scenarios::{Capability, EnemyMask, Faction, Scenario, ScenarioFiles, Smacv2};
 
 /// A generated scenario with changed options.
-fn arena(scenario: &str, change: impl FnOnce(&mut Smacv2)) -> Arc<Arena> {
+pub fn arena(scenario: &str, change: impl FnOnce(&mut Smacv2)) -> Arc<Arena> {
     let mut scenario = Scenario::standard(scenario).expect("a standard scenario");
     change(scenario.smacv2.as_mut().expect("options"));
     Arc::new(Arena::new(&scenario, Rules::Smaclite))
@@ -177,7 +177,7 @@ fn an_episode_begins_again_where_its_generator_was() {
 }
 
 /// Marines against marines: allies at these places, enemies at those; the rest of the units is absent.
-fn duel(arena: &Arc<Arena>, allies: &[[f32; 2]], enemies: &[[f32; 2]]) -> Battle {
+pub fn duel(arena: &Arc<Arena>, allies: &[[f32; 2]], enemies: &[[f32; 2]]) -> Battle {
     let mut battle = Battle::new(Arc::clone(arena), 1);
     let mut level = vec![0.0; arena.level_size()];
     battle.write_level(&mut level);

@@ -11,6 +11,7 @@ mod policies;
 mod properties;
 mod rewards;
 mod rules;
+mod smacv2_options;
 mod snapshots;
 mod starcraft;
 mod ticks;

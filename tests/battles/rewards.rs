@@ -292,3 +292,16 @@ fn shares_are_of_the_last_step() {
     });
     assert!(seen > 0);
 }
+
+/// With SMAClite's ends, and with those of SMACv2's interface.
+#[test]
+fn the_return_is_the_sum_of_the_rewards_of_an_episode() {
+    for mut battle in [battle("2s3z", Rewards::DEFAULT), battle("terran_5_vs_5", Rewards::DEFAULT)] {
+        let mut sum = 0.0;
+        play(&mut battle, 120, |before, after, step, _| {
+            sum = if before.is_over() || before.episode_length() == 0 { 0.0 } else { sum } + step.reward;
+            assert_eq!(after.episode_return(), sum, "after step {}", after.episode_length());
+        });
+        assert!(sum > 0.0);
+    }
+}

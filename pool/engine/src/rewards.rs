@@ -68,3 +68,42 @@ pub(crate) fn divide(reward: f64, ids: &[u32], shares: &mut [f64]) {
         of_side().for_each(|i| shares[i] += part);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn divided<const N: usize>(reward: f64, mut shares: [f64; N]) -> [f64; N] {
+        divide(reward, &[0, 1], &mut shares);
+        shares
+    }
+
+    /// The third unit is of the other side.
+    #[test]
+    fn what_no_unit_earned_is_divided_in_equal_parts() {
+        assert_eq!(divided(7.0, [1.0, 2.0, 9.0]), [3.0, 4.0, 9.0]);
+        assert_eq!(divided(-1.0, [3.0, 0.0, 9.0]), [1.0, -2.0, 9.0]);
+        assert_eq!(divided(1.0, [0.0; 2]), [0.5; 2]);
+    }
+
+    /// Sums of shares that nearly cancel each other round as much as the greatest of them.
+    #[test]
+    fn what_is_left_by_rounding_is_not_divided() {
+        assert_eq!(divided(3.0 + 1e-12, [3.0, 0.0]), [3.0, 0.0]);
+        assert_eq!(divided(1e-7, [1e3, -1e3]), [1e3, -1e3]);
+        assert_eq!(divided(0.0, [0.0; 2]), [0.0; 2]);
+        assert_ne!(divided(1e-7, [1.0, -1.0]), [1.0, -1.0]);
+    }
+
+    /// Negative points cancel what a win over the enemies is worth.
+    #[test]
+    fn a_greatest_return_of_0_scales_by_a_finite_number() {
+        let options = Rewards { scale: true, ..Rewards::DEFAULT };
+        assert_eq!(scaled(3.0, &options, 60.0), 3.0 / (60.0 / options.scale_rate));
+        assert_eq!(scaled(3.0, &options, -60.0), 3.0 / (-60.0 / options.scale_rate));
+        for greatest in [0.0, 1e-300, -1e-300] {
+            let least = smaclite_units::MIN_POSITIVE / options.scale_rate;
+            assert_eq!(scaled(3.0, &options, greatest), 3.0 / least);
+        }
+    }
+}

@@ -1,0 +1,68 @@
+//! What single options of SMACv2's interface do, in battles of a few units. What they do together is compared with
+//! recordings of the published code in `../smacv2`.
+
+use smaclite_engine::{Battle, ExecutionOrder, Faction, Scratch, TICKS_PER_STEP, Tick, action, obs_features};
+use smaclite_scenarios::{Capability, Scenario, Smacv2};
+
+use crate::generated::{arena, duel};
+
+const STOP: i32 = action::STOP as i32;
+
+/// The features of an agent whose names begin so.
+fn features(battle: &Battle, options: &Smacv2, agent: usize, begin: &str) -> Vec<f32> {
+    let mut scenario = Scenario::standard("terran_5_vs_5").expect("a standard scenario");
+    scenario.smacv2 = Some(options.clone());
+    let sizes = battle.arena().sizes();
+    let mut obs = vec![f32::NAN; sizes.n_agents * sizes.obs_size];
+    battle.write_obs(Faction::Ally, &mut obs, &mut Scratch::new());
+    let row = &obs[agent * sizes.obs_size..][..sizes.obs_size];
+    let moves = &obs_features(&scenario)[0];
+    let named = moves.features.iter().zip(&row[moves.start..]);
+    named.filter(|(name, _)| name.starts_with(begin)).map(|(_, feature)| *feature).collect()
+}
+
+/// All squares of the map are open and of one height, 127 of 255; off the map they count as open, and as high as
+/// can be. North, south, east and west are two moves away, the other squares one in each direction.
+#[test]
+fn agents_feel_the_ground_around_them() {
+    const FLAT: f32 = 127.0 / 255.0;
+    for (walkable, height) in [(true, false), (false, true), (true, true), (false, false)] {
+        let mut options = None;
+        let arena = arena("terran_5_vs_5", |all| {
+            (all.obs_pathing_grid, all.obs_terrain_height, all.move_amount) = (walkable, height, 3.0);
+            options = Some(all.clone());
+        });
+        let options = options.expect("options");
+        // Four squares from the northern edge, and five from the eastern one.
+        let battle = duel(&arena, &[[26.5, 27.5]], &[[1.0, 1.0]]);
+        let open = if walkable { vec![1.0; 8] } else { vec![] };
+        assert_eq!(features(&battle, &options, 0, "walkable_"), open);
+        let (north, east) = (1.0, 1.0);
+        let heights = [north, FLAT, east, FLAT, FLAT, FLAT, FLAT, FLAT, FLAT];
+        let heights = if height { heights.to_vec() } else { vec![] };
+        assert_eq!(features(&battle, &options, 0, "height_"), heights);
+    }
+}
+
+/// Agents below their level of health die so many ticks before the end of a step, and not before.
+#[test]
+fn agents_below_their_level_die_at_their_tick() {
+    for ticks_left in [1, 2, 5] {
+        let arena = arena("terran_5_vs_5", |options| {
+            options.health = Some(Capability { lower_bound: 0.99, upper_bound: 0.99, observe: true });
+            options.kill_unit_step_mul = ticks_left;
+        });
+        // The first is shot at.
+        let mut battle = duel(&arena, &[[16.0, 16.0], [2.0, 30.0]], &[[18.0, 16.0], [18.0, 17.0]]);
+        let (mut actions, mut lived) = ([0; 5], Vec::new());
+        (actions[0], actions[1]) = (STOP, STOP);
+        let observe = |tick: Tick<'_>| lived.push(tick.units.alive[..2].to_vec());
+        battle
+            .step_observed(&actions, ExecutionOrder::Drawn, &mut Scratch::new(), observe)
+            .expect("they stop");
+        let dies = TICKS_PER_STEP - ticks_left as usize;
+        let first: Vec<bool> = lived.iter().map(|alive| alive[0]).collect();
+        assert_eq!(first, (0..TICKS_PER_STEP).map(|tick| tick < dies).collect::<Vec<_>>(), "{ticks_left}");
+        assert!(lived.iter().all(|alive| alive[1]), "who is not hurt lives");
+    }
+}
