@@ -29,3 +29,24 @@ impl Fnv1a {
         self.0
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// From the reference of FNV.
+    #[test]
+    fn hashes_are_those_of_fnv_1a() {
+        let hash = |text: &str| {
+            let mut hash = Fnv1a::default();
+            hash.write(text.as_bytes());
+            hash.finish()
+        };
+        assert_eq!(hash(""), 0xcbf2_9ce4_8422_2325);
+        assert_eq!(hash("a"), 0xaf63_dc4c_8601_ec8c);
+        assert_eq!(hash("foobar"), 0x8594_4171_f739_67e8);
+        let mut number = Fnv1a::default();
+        number.write_u64(u64::from_le_bytes(*b"foobar\0\0"));
+        assert_eq!(number.finish(), hash("foobar\0\0"));
+    }
+}

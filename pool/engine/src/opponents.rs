@@ -334,6 +334,16 @@ mod tests {
     }
 
     #[test]
+    fn opponents_have_the_weights_that_they_are_given() {
+        let opponents: Opponents = "kite=0.5,hold=1".parse().unwrap();
+        let kite = Opponent::from_name("kite").unwrap();
+        assert!(opponents.weights().contains(&(kite, 0.5)) && opponents.weights().len() == 2);
+        let json = serde_json::to_value(&opponents).unwrap();
+        assert_eq!(json, serde_json::json!({ "kite": 0.5, "hold": 1.0 }));
+        assert!(!opponents.is_default() && Opponents::default().is_default());
+    }
+
+    #[test]
     fn an_index_is_the_place_among_all() {
         assert!(Opponent::ALL.iter().enumerate().all(|(i, opponent)| opponent.index() == i));
     }

@@ -95,3 +95,18 @@ impl FromStr for Rules {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rules_are_known_by_their_names() {
+        assert_eq!(Rules::ALL.map(|rules| rules.to_string()), ["smaclite", "paper", "starcraft-1"]);
+        for rules in Rules::ALL {
+            assert_eq!(rules.to_string().parse(), Ok(rules));
+        }
+        assert_eq!("starcraft".parse(), Ok(Rules::Starcraft), "the newest version");
+        assert_eq!("starcraft-2".parse::<Rules>(), Err(UnknownRules { given: "starcraft-2".to_owned() }));
+    }
+}

@@ -133,3 +133,27 @@ impl fmt::Display for Actor {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_sides_need_an_interface_that_both_have() {
+        let both = Sides::Both(EnemySide::default());
+        let scenario = |name| Scenario::standard(name).unwrap();
+        assert_eq!(both.check(&scenario("2s3z")), Ok(()));
+        assert_eq!(both.check(&scenario("terran_5_vs_5")), Err(SidesError::Smacv2));
+        assert_eq!(Sides::Allies.check(&scenario("terran_5_vs_5")), Ok(()));
+        assert!(Sides::Allies.is_default() && !both.is_default());
+    }
+
+    #[test]
+    fn a_place_in_a_joint_action_is_that_of_its_actor() {
+        let actors = [Actor::Agent(0), Actor::Agent(1), Actor::Enemy(0), Actor::Enemy(1)];
+        for (place, actor) in actors.into_iter().enumerate() {
+            assert_eq!((Actor::at(place, 2), actor.place(2)), (actor, place));
+        }
+        assert_eq!(actors.map(Actor::faction).map(|side| side == Faction::Ally), [true, true, false, false]);
+    }
+}

@@ -78,3 +78,74 @@ fn shows_all(scenario: &Scenario) -> Option<f64> {
     let least = if *use_unit_ranges { ranges.fold(f64::INFINITY, f64::min) } else { SIGHT_RANGE };
     fully_observable.then_some(least)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use smaclite_scenarios::{Capability, Terrain};
+
+    /// Units stop 16 squares off a map that is 8 squares wide, and half a side off one that is 40 high.
+    fn narrow(options: Option<Smacv2>) -> Scenario {
+        let terrain = Terrain::from_fn(8, 40, |_, _| true).unwrap();
+        Scenario { terrain, smacv2: options, ..Scenario::standard("MMM").unwrap() }
+    }
+
+    fn bounds(scenario: &Scenario, names: &[&str]) -> Vec<[f32; 2]> {
+        let features = names.iter().map(|&name| name.to_owned()).collect();
+        feature_bounds(scenario, &FeatureBlock { name: "own", start: 0, rows: None, features })
+    }
+
+    #[test]
+    fn bounds_are_as_far_as_units_get() {
+        let names =
+            ["x", "y", "rel_x", "rel_y", "distance", "dx", "dy", "health", "energy/cooldown", "type_0"];
+        let shares = [[-1.0, 1.0]; 6];
+        let places = [[-2.0, 3.0], [-1.0, 1.5], [-2.5, 2.5], [-1.0, 1.0]];
+        assert_eq!(bounds(&narrow(None), &names), [&places[..], &shares].concat());
+
+        // Those who see everything see 40 x 80 squares, and divide by the sight of all units.
+        let all = Smacv2 { fully_observable: true, use_unit_ranges: false, ..Smacv2::default() };
+        let farthest = (f64::hypot(40.0, 80.0) / SIGHT_RANGE) as f32;
+        let names = ["distance", "dx", "dy"];
+        assert_eq!(bounds(&narrow(Some(all.clone())), &names), [[-farthest, farthest]; 3]);
+        // Or by their own, of which that of marines is the least.
+        let own = Smacv2 { use_unit_ranges: true, ..all };
+        let farthest = (f64::hypot(40.0, 80.0) / 9.0) as f32;
+        assert_eq!(bounds(&narrow(Some(own)), &names), [[-farthest, farthest]; 3]);
+    }
+
+    /// An agent at no health is a whole level below it, as a share of what is above: 0.75 of 0.25.
+    #[test]
+    fn health_below_a_level_is_negative() {
+        let level = Capability { lower_bound: 0.5, upper_bound: 0.75, observe: true };
+        let options = Smacv2 { health: Some(level), ..Smacv2::default() };
+        assert_eq!(bounds(&narrow(Some(options)), &["health", "shield"]), [[-3.0, 1.0], [-1.0, 1.0]]);
+    }
+
+    #[test]
+    fn a_cooldown_with_a_random_delay_is_more_than_a_share() {
+        let with_delay = |options| {
+            let mut scenario = narrow(options);
+            for unit_type in &mut scenario.unit_types {
+                unit_type.conduct.max_random_delay = 0.5 * unit_type.cooldown;
+            }
+            bounds(&scenario, &["energy/cooldown"])[0]
+        };
+        assert_eq!(with_delay(Some(Smacv2::default())), [-1.0, 1.5]);
+        assert_eq!(with_delay(None), [-1.0, 1.0]);
+    }
+
+    /// A state that consists of observations has their bounds, agent after agent.
+    #[test]
+    fn a_state_of_observations_has_their_bounds() {
+        let options = Smacv2 { obs_instead_of_state: true, obs_own_pos: true, ..Smacv2::default() };
+        let scenario = narrow(Some(options));
+        let of_obs: Vec<[f32; 2]> = obs_features(&scenario)
+            .iter()
+            .flat_map(|block| feature_bounds(&scenario, block).repeat(block.rows.unwrap_or(1)))
+            .collect();
+        let of_state = crate::state_features(&scenario);
+        assert_eq!(feature_bounds(&scenario, &of_state[0]), of_obs);
+        assert!(of_obs.contains(&[-2.0, 3.0]));
+    }
+}
