@@ -196,7 +196,7 @@ pub fn duel(arena: &Arc<Arena>, allies: &[[f32; 2]], enemies: &[[f32; 2]]) -> Ba
 }
 
 /// Which enemies an agent is shown.
-fn seen(battle: &Battle, agent: usize) -> Vec<bool> {
+pub fn seen(battle: &Battle, agent: usize) -> Vec<bool> {
     let n_enemies = battle.arena().sizes().n_enemies;
     let (_, _, perception) = battle.perceived().expect("an interface");
     perception.shown[agent * n_enemies..][..n_enemies].to_vec()

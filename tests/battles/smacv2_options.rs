@@ -1,10 +1,14 @@
-//! What single options of SMACv2's interface do, in battles of a few units. What they do together is compared with
-//! recordings of the published code in `../smacv2`.
+//! What single options of SMACv2's interface do, in battles of a few units. What they do together is compared
+//! with recordings of the published code in `../smacv2`.
 
-use smaclite_engine::{Battle, ExecutionOrder, Faction, Scratch, TICKS_PER_STEP, Tick, action, obs_features};
+use std::sync::Arc;
+
+use smaclite_engine::{
+    Arena, Battle, ExecutionOrder, Faction, Rules, Scratch, TICKS_PER_STEP, Tick, action, obs_features,
+};
 use smaclite_scenarios::{Capability, Scenario, Smacv2};
 
-use crate::generated::{arena, duel};
+use crate::generated::{arena, duel, seen};
 
 const STOP: i32 = action::STOP as i32;
 
@@ -21,8 +25,8 @@ fn features(battle: &Battle, options: &Smacv2, agent: usize, begin: &str) -> Vec
     named.filter(|(name, _)| name.starts_with(begin)).map(|(_, feature)| *feature).collect()
 }
 
-/// All squares of the map are open and of one height, 127 of 255; off the map they count as open, and as high as
-/// can be. North, south, east and west are two moves away, the other squares one in each direction.
+/// All squares of the map are open and of one height, 127 of 255; off the map they count as open, and as high
+/// as can be. North, south, east and west are two moves away, the other squares one in each direction.
 #[test]
 fn agents_feel_the_ground_around_them() {
     const FLAT: f32 = 127.0 / 255.0;
@@ -65,4 +69,46 @@ fn agents_below_their_level_die_at_their_tick() {
         assert_eq!(first, (0..TICKS_PER_STEP).map(|tick| tick < dies).collect::<Vec<_>>(), "{ticks_left}");
         assert!(lived.iter().all(|alive| alive[1]), "who is not hurt lives");
     }
+}
+
+/// Without cones sight ends before its range, and with them at it, as in the published code. The dead are not
+/// seen; those that are absent lie half a square east of the agent.
+#[test]
+fn sight_ends_at_its_range() {
+    for (cones, at_range) in [(false, false), (true, true)] {
+        let arena =
+            arena("terran_5_vs_5", |options| (options.conic_fov, options.num_fov_actions) = (cones, 4));
+        let battle = duel(&arena, &[[0.5, 1.0]], &[[9.25, 1.0], [9.5, 1.0]]);
+        assert_eq!(seen(&battle, 0), [true, at_range, false, false, false], "cones: {cones}");
+        let battle = duel(&arena, &[[0.5, 1.0], [9.5, 1.0]], &[[30.0, 30.0]]);
+        let sizes = arena.sizes();
+        let mut obs = vec![f32::NAN; sizes.n_agents * sizes.obs_size];
+        battle.write_obs(Faction::Ally, &mut obs, &mut Scratch::new());
+        let scenario = Scenario::standard("terran_5_vs_5").expect("a standard scenario");
+        let allies =
+            obs_features(&scenario).into_iter().find(|block| block.name == "allies").expect("allies");
+        assert_eq!(obs[allies.start] == 1.0, at_range, "cones: {cones}");
+    }
+}
+
+#[test]
+fn units_without_types_have_no_bits_of_types() {
+    let mut scenario = Scenario::standard("3m").expect("a standard scenario");
+    scenario.smacv2 = Some(Smacv2::default());
+    let mut battle = Battle::new(Arc::new(Arena::new(&scenario, Rules::Smaclite)), 1);
+    battle.reset();
+    let sizes = battle.arena().sizes();
+    let mut obs = vec![f32::NAN; sizes.n_agents * sizes.obs_size];
+    battle.write_obs(Faction::Ally, &mut obs, &mut Scratch::new());
+    for row in obs.chunks_exact(sizes.obs_size) {
+        // Moves, three enemies out of sight, two allies at hand, and the own health.
+        assert_eq!(row[..4 + 3 * 5], [[1.0; 4].as_slice(), &[0.0; 15]].concat());
+        assert!([19, 24].iter().all(|ally| row[*ally] == 1.0 && row[ally + 4] == 1.0));
+        assert_eq!(row[29..], [1.0]);
+    }
+    let mut state = vec![f32::NAN; sizes.state_size];
+    battle.write_state(Faction::Ally, &mut state);
+    // Health, cooldown, and place; of enemies without a cooldown.
+    assert!(state[..12].chunks_exact(4).all(|row| row[..2] == [1.0, 0.0]));
+    assert!(state[12..21].chunks_exact(3).all(|row| row[0] == 1.0 && row[1] > 0.0));
 }

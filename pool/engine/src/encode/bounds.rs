@@ -84,9 +84,9 @@ mod tests {
     use super::*;
     use smaclite_scenarios::{Capability, Terrain};
 
-    /// Units stop 16 squares off a map that is 8 squares wide, and half a side off one that is 40 high.
+    /// Units stop 16 squares off a map of 8 times 20.
     fn narrow(options: Option<Smacv2>) -> Scenario {
-        let terrain = Terrain::from_fn(8, 40, |_, _| true).unwrap();
+        let terrain = Terrain::from_fn(8, 20, |_, _| true).unwrap();
         Scenario { terrain, smacv2: options, ..Scenario::standard("MMM").unwrap() }
     }
 
@@ -100,17 +100,17 @@ mod tests {
         let names =
             ["x", "y", "rel_x", "rel_y", "distance", "dx", "dy", "health", "energy/cooldown", "type_0"];
         let shares = [[-1.0, 1.0]; 6];
-        let places = [[-2.0, 3.0], [-1.0, 1.5], [-2.5, 2.5], [-1.0, 1.0]];
+        let places = [[-2.0, 3.0], [-1.0, 1.8], [-2.5, 2.5], [-1.3, 1.3]];
         assert_eq!(bounds(&narrow(None), &names), [&places[..], &shares].concat());
 
-        // Those who see everything see 40 x 80 squares, and divide by the sight of all units.
+        // Those who see everything see 40 times 52 squares, and divide by the sight of all units.
         let all = Smacv2 { fully_observable: true, use_unit_ranges: false, ..Smacv2::default() };
-        let farthest = (f64::hypot(40.0, 80.0) / SIGHT_RANGE) as f32;
+        let farthest = (f64::hypot(40.0, 52.0) / SIGHT_RANGE) as f32;
         let names = ["distance", "dx", "dy"];
         assert_eq!(bounds(&narrow(Some(all.clone())), &names), [[-farthest, farthest]; 3]);
         // Or by their own, of which that of marines is the least.
         let own = Smacv2 { use_unit_ranges: true, ..all };
-        let farthest = (f64::hypot(40.0, 80.0) / 9.0) as f32;
+        let farthest = (f64::hypot(40.0, 52.0) / 9.0) as f32;
         assert_eq!(bounds(&narrow(Some(own)), &names), [[-farthest, farthest]; 3]);
     }
 

@@ -68,8 +68,6 @@ pub(super) fn prepare(world: &mut World) {
     *any_agent_heals = arena.agents_heal && allies.iter().any(is_healer);
     *any_enemy_lacks_target =
         arena.enemies_heal && enemies.iter().any(|id| lacks_target(id) && !is_healer(id));
-    dealers.clear();
-    healers.clear();
     let is_idle = scratch.attack_moving.is_empty();
     if is_idle || !*any_agent_heals && !enemies.iter().any(lacks_target) {
         return;
@@ -79,6 +77,7 @@ pub(super) fn prepare(world: &mut World) {
         healers.fill(allies, is_healer, &units.pos);
     } else {
         dealers.fill(allies, |_| true, &units.pos);
+        healers.clear();
     }
     *bounds = dealers.bounds().and(&healers.bounds());
     is_targeted.clear();
