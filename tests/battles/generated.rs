@@ -178,7 +178,12 @@ fn an_episode_begins_again_where_its_generator_was() {
 
 /// Marines against marines: allies at these places, enemies at those; the rest of the units is absent.
 pub fn duel(arena: &Arc<Arena>, allies: &[[f32; 2]], enemies: &[[f32; 2]]) -> Battle {
-    let mut battle = Battle::new(Arc::clone(arena), 1);
+    duel_of(arena, 1, allies, enemies)
+}
+
+/// A [`duel`] with another seed.
+pub fn duel_of(arena: &Arc<Arena>, seed: u64, allies: &[[f32; 2]], enemies: &[[f32; 2]]) -> Battle {
+    let mut battle = Battle::new(Arc::clone(arena), seed);
     let mut level = vec![0.0; arena.level_size()];
     battle.write_level(&mut level);
     let rows: &mut [[f32; 5]] = level.as_chunks_mut().0;

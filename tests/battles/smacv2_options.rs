@@ -6,9 +6,9 @@ use std::sync::Arc;
 use smaclite_engine::{
     Arena, Battle, ExecutionOrder, Faction, Rules, Scratch, TICKS_PER_STEP, Tick, action, obs_features,
 };
-use smaclite_scenarios::{Capability, Scenario, Smacv2};
+use smaclite_scenarios::{Capability, EnemyMask, Scenario, Smacv2};
 
-use crate::generated::{arena, duel, seen};
+use crate::generated::{arena, duel, duel_of, seen};
 
 const STOP: i32 = action::STOP as i32;
 
@@ -111,4 +111,34 @@ fn units_without_types_have_no_bits_of_types() {
     // Health, cooldown, and place; of enemies without a cooldown.
     assert!(state[..12].chunks_exact(4).all(|row| row[..2] == [1.0, 0.0]));
     assert!(state[12..21].chunks_exact(3).all(|row| row[0] == 1.0 && row[1] > 0.0));
+}
+
+/// Of 400 battles of two agents that see an enemy: who sees it first is drawn, and whether the other may. Six
+/// standard deviations are 60.
+#[test]
+fn sight_attacks_and_masks_have_the_chances_of_their_options() {
+    let arena = arena("terran_5_vs_5", |options| {
+        options.prob_obs_enemy = 0.5;
+        options.attack = Some(Capability { lower_bound: 0.25, upper_bound: 0.75, observe: true });
+        options.enemy_mask = Some(EnemyMask { mask_probability: 0.25 });
+    });
+    let (mut blind, mut hits, mut masked, mut chances) = ([0_i32; 2], 0_i32, 0_i32, Vec::new());
+    for seed in 0..400 {
+        let mut battle = duel_of(&arena, seed, &[[10.0, 16.0], [10.0, 18.0]], &[[12.0, 16.0]]);
+        let sees = [0, 1].map(|agent| seen(&battle, agent)[0]);
+        assert!(sees[0] || sees[1], "the first to see it may see it");
+        (0..2).for_each(|agent| blind[agent] += i32::from(!sees[agent]));
+        let (_, _, perception) = battle.perceived().expect("an interface");
+        masked += i32::from(perception.mask[0]);
+        chances.push(perception.attack[0]);
+        let mut actions = [0; 5];
+        (actions[0], actions[1]) = (action::FIRST_TARGET as i32, STOP);
+        let step = battle.step(&actions, &mut Scratch::new()).expect("an enemy in range");
+        hits += i32::from(step.reward > 0.0);
+    }
+    assert!(blind.iter().all(|n| (n - 100).abs() < 60), "{blind:?}");
+    assert!((hits - 200).abs() < 60, "{hits}");
+    assert!((masked - 300).abs() < 60, "{masked}");
+    assert!(chances.iter().all(|chance| (0.25..=0.75).contains(chance)));
+    assert!(chances.iter().any(|chance| *chance < 0.3) && chances.iter().any(|chance| *chance > 0.7));
 }
