@@ -15,6 +15,7 @@ import json
 import os
 import re
 import shlex
+import shutil
 import stat
 import subprocess
 import sys
@@ -304,6 +305,8 @@ class Session:
             assert pool.wait(timeout=10) == 0
         # Tensors that live when their interpreter ends leave their shared memory.
         self.execute(["smaclite-pool", "clean"], "smaclite-pool clean")
+        # The root folder of a page's Slurm jobs.
+        shutil.rmtree(f"/tmp/smaclite-{self.environment['SLURM_JOB_ID']}", ignore_errors=True)
 
 
 @pytest.fixture
