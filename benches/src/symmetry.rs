@@ -6,7 +6,7 @@
 //! differ.
 
 use smaclite_engine::policy::Scripted;
-use smaclite_engine::{Arena, Battle, EnemySide, Faction, Generator, IllegalAction, Rules, Scratch, Sides};
+use smaclite_engine::{Arena, Battle, Faction, Generator, IllegalAction, Rules, Scratch, Sides};
 use smaclite_scenarios::{Placement, Scenario};
 use std::error::Error;
 use std::num::NonZeroU32;
@@ -93,7 +93,7 @@ fn is_symmetric(scenario: &Scenario) -> bool {
 
 fn play(scenario: &Scenario, mut policy: Scripted, games: &Games) -> Result<Outcomes, IllegalAction> {
     let arena = |scenario: &Scenario| {
-        let sides = Sides::Both(EnemySide { mirror: true, zero_sum: false });
+        let sides = Sides::Mirrored;
         Arc::new(Arena::new(scenario, Rules::default()).with_sides(sides))
     };
     let (common, mut shifts) = (arena(scenario), Generator::new(games.seed));

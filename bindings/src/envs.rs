@@ -19,10 +19,8 @@ use crate::exit::{self, CloseAtExit};
 use crate::habits::{Place, cannot_be_copied, no_attribute, refuse_keywords};
 use crate::lane_spec::lane_spec;
 use crate::query::runtime_dir;
-use crate::recorder::RecordingToFile;
-use crate::wait::{interruptible, run_on_thread, wait_detached};
+use crate::wait::{run_on_thread, wait_detached};
 use numpy::{PyArray2, PyArray3, PyArrayMethods};
-use pyo3::exceptions::PyRuntimeWarning;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyTuple};
 use smaclite_engine::Rules;
@@ -32,7 +30,6 @@ use smaclite_ipc::{
 };
 use smaclite_pool::layout::Layout;
 use smaclite_scenarios::Scenario;
-use std::ffi::CString;
 use std::sync::Arc;
 
 /// A pool within this process, which ends with the last of its `Envs`, and the scenario of its lanes.
@@ -70,17 +67,12 @@ pub struct Envs {
 }
 
 impl Envs {
-    pub fn new(
-        py: Python<'_>,
-        client: Client,
-        embedded: Option<Embedded>,
-        recording: Option<RecordingToFile>,
-    ) -> PyResult<Envs> {
+    pub fn new(py: Python<'_>, client: Client, embedded: Option<Embedded>) -> PyResult<Envs> {
         let (description, layout) = (client.description().clone(), client.layout().clone());
         let spec = lane_spec(py, &description, &layout)?.unbind();
         exit::end_at_exit(client.folder_use());
         let (supervisor, scenario) = embedded.map(|pool| (pool.supervisor, pool.scenario)).unzip();
-        let shared = Arc::new(SharedClient::new(client, supervisor, recording));
+        let shared = Arc::new(SharedClient::new(client, supervisor));
         let weak = Arc::downgrade(&shared);
         exit::close_at_exit(weak);
         Ok(Envs { shared, description, layout, spec, scenario })
@@ -507,28 +499,14 @@ impl Envs {
         render_batch(py, self, batch, env_id, renderer, style)
     }
 
-    /// Detach from the lane and stop an embedded pool; write the replay of `record`. Batches and their arrays
-    /// stay valid. Closing twice has no effect.
-    ///
-    /// If the pool has ended, battles that were not read before are lost; a RuntimeWarning says so if the
-    /// replay is not written for that reason.
+    /// Detach from the lane and stop an embedded pool. Batches and their arrays stay valid. Closing twice has
+    /// no effect.
     ///
     /// Raises:
     ///     Busy: another thread is using these environments.
-    ///     OSError: the replay cannot be written. The environments are closed.
-    ///     PoolError: the pool has not answered for 10 seconds, so the replay of `record` is lost. The
-    ///         environments are closed.
     fn close(&self, py: Python<'_>) -> PyResult<()> {
-        let closed = interruptible(py, |interrupted| Ok(self.shared.close_if_idle(interrupted)))?;
         let busy = "another thread is using these environments; close them after its call has returned";
-        match closed.ok_or_else(|| class::Busy::new_err(busy))? {
-            // Who closes after PoolDied knows it; only what was to be recorded is new.
-            Err(error) if error.is_instance_of::<class::PoolDied>(py) => {
-                let text = CString::new(format!("the replay was not written: {}", error.value(py)))?;
-                PyErr::warn(py, &py.get_type::<PyRuntimeWarning>(), &text, 1)
-            }
-            closed => closed,
-        }
+        py.detach(|| self.shared.close_if_idle()).then_some(()).ok_or_else(|| class::Busy::new_err(busy))
     }
 
     fn __enter__(slf: Py<Self>) -> Py<Self> {

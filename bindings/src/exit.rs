@@ -8,7 +8,6 @@ use crate::errors::class;
 use pyo3::prelude::*;
 use pyo3::types::IntoPyDict;
 use smaclite_ipc::FolderUse;
-use std::io::{self, Write as _};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError, Weak};
 use std::thread::JoinHandle;
@@ -36,9 +35,8 @@ static FOLDER_USES: Mutex<Vec<FolderUse>> = Mutex::new(Vec::new());
 
 /// What is closed when the interpreter exits.
 pub trait CloseAtExit: Send + Sync {
-    /// Closes, unless another thread's call is using it: then `None`. Waits end when `interrupted` returns
-    /// `true`.
-    fn close_if_idle(&self, interrupted: &mut dyn FnMut() -> bool) -> Option<PyResult<()>>;
+    /// Closes, unless another thread's call is using it: then it returns `false`.
+    fn close_if_idle(&self) -> bool;
 }
 
 /// Closes `client` at exit, unless it is dropped before.
@@ -127,13 +125,7 @@ fn close_all(py: Python<'_>) {
     let clients = std::mem::take(&mut *OPEN_CLIENTS.lock().unwrap_or_else(PoisonError::into_inner));
     py.detach(|| {
         for client in clients.iter().filter_map(Weak::upgrade) {
-            wait_until(&|| match client.close_if_idle(&mut || Instant::now() >= deadline) {
-                Some(Err(error)) => {
-                    let _ = writeln!(io::stderr(), "smaclite_pool: {error}"); // nothing can be raised at exit
-                    true
-                }
-                closed => closed.is_some(),
-            });
+            wait_until(&|| client.close_if_idle());
         }
     });
     let uses = std::mem::take(&mut *FOLDER_USES.lock().unwrap_or_else(PoisonError::into_inner));

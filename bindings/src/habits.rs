@@ -105,7 +105,7 @@ const TABLE: &[Row] = &[
     (Place::Envs, &["get_stats"], "sum `battle_won` of the batches in which an episode ended, or use \
         smaclite_pool.evaluate"),
     (Place::Envs, &["render_mode"], "`render()` returns pictures without one"),
-    (Place::Envs, &["save_replay"], "use make(..., record=\"NAME.smreplay\") or smaclite_pool.Recorder"),
+    (Place::Envs, &["save_replay"], "use smaclite_pool.Recorder"),
 
     (Place::Batch, &["action_mask", "action_masks", "available_actions", "avail_action", "avail",
         "legal_actions", "legal_action_mask", "mask"], "use `avail_actions`"),
@@ -139,7 +139,7 @@ const TABLE: &[Row] = &[
 ];
 
 /// The arguments of `make`. Its further keywords are keys of scenario files.
-const ARGUMENTS: [&str; 21] = [
+const ARGUMENTS: [&str; 18] = [
     "scenario",
     "num_envs",
     "batch_size",
@@ -150,8 +150,6 @@ const ARGUMENTS: [&str; 21] = [
     "rules",
     "opponent",
     "sides",
-    "mirror",
-    "zero_sum",
     "fields",
     "obs_last_actions",
     "obs_agent_id",
@@ -159,7 +157,6 @@ const ARGUMENTS: [&str; 21] = [
     "spectators",
     "wait",
     "name",
-    "record",
     "lanes",
 ];
 

@@ -9,7 +9,6 @@ use crate::errors::{self, invalid_request, shown};
 use crate::exit::PendingCall;
 use crate::habits::{Place, refuse_keywords, required};
 use crate::query::runtime_dir;
-use crate::recorder::{RecordingToFile, check_replay_path};
 use crate::seeds::random_seed;
 use crate::wait::{IsCancelled, run_on_thread};
 pub use arguments::{LimitArg, MAX_THREADS, ModeArg, OpponentArg};
@@ -18,11 +17,8 @@ use pyo3::IntoPyObjectExt;
 use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use smaclite_engine::{BattleSetup, EnemySide, Rules, Sides};
-use smaclite_ipc::{
-    Client, ConnectError, LaneConfig, RuntimeDir, Supervisor, SupervisorConfig, WaitOptions, WaitStrategy,
-    check_name,
-};
+use smaclite_engine::{BattleSetup, Rules, Sides};
+use smaclite_ipc::{Client, LaneConfig, Supervisor, SupervisorConfig, WaitOptions, WaitStrategy, check_name};
 use smaclite_learn::TrainedTeam;
 use smaclite_pool::fields::FieldSet;
 use smaclite_pool::{LaneSettings, PoolOptions};
@@ -58,11 +54,10 @@ use std::sync::atomic::{AtomicU64, Ordering};
 ///         of its run; or a dictionary of such names and weights, of which each episode draws one from the
 ///         environment's generator. None: the scenario's own, or "learner" if actions play both sides. See
 ///         `docs/reference/policies.md`.
-///     sides: which sides actions play: "allies" or "both". With both, joint actions have `n_agents +
-///         n_enemies` numbers, and batches have the fields `enemy_*`. See `docs/reference/both-sides.md`.
-///     mirror: with both sides, reflect what the enemies see and do at the centre of the map, so that one
-///         network can play both sides of a symmetric scenario.
-///     zero_sum: with both sides, the reward of each side is what it earns less what the other side earns.
+///     sides: which sides actions play: "allies"; "both"; or "mirrored", which is both, and what the enemies
+///         see and do is reflected at the centre of the map, so that one network can play both sides of a
+///         symmetric scenario. With both, joint actions have `n_agents + n_enemies` numbers, and batches have
+///         the fields `enemy_*`. See `docs/reference/both-sides.md`.
 ///     fields: names of the batch fields to compute; None for all. `env_id`, `reward`, `terminated`,
 ///         `truncated` and `was_reset` are always included.
 ///     obs_last_actions: number of its own last actions that an agent observes, 0 to 16: one-hot vectors of
@@ -75,8 +70,6 @@ use std::sync::atomic::{AtomicU64, Ordering};
 ///         shared memory for some more batches (docs/concepts/batches.md).
 ///     wait: how the learner and idle workers wait: "adaptive" (spin briefly, then block), "spin" or "block".
 ///     name: the pool's name; a unique one by default.
-///     record: a file, `NAME.smreplay`, to which `close` writes a replay of the last 100 episodes of
-///         environment 0; a file of that name is replaced. `Recorder` records other environments.
 ///     lanes: a number of lanes, 1 to 64: return a list of that many `Envs` that share the worker threads.
 ///         The environments are divided among them, to within one; the lane that begins with environment f
 ///         has the seed `seed` + f. With two, the policy can choose actions for one half while the workers
@@ -99,13 +92,13 @@ use std::sync::atomic::{AtomicU64, Ordering};
 #[pyfunction]
 #[pyo3(signature = (scenario=None, num_envs=IntArg::Small(64), *, batch_size=None, seed=None,
     threads=None, autoreset_mode=ModeArg::default(), episode_limit=Some(LimitArg::Name("default".to_owned())),
-    rules="smaclite", opponent=None, sides="allies", mirror=false, zero_sum=false, fields=None,
+    rules="smaclite", opponent=None, sides="allies", fields=None,
     obs_last_actions=IntArg::Small(0), obs_agent_id=false, max_held_batches=IntArg::Small(4),
-    spectators=IntArg::Small(1), wait="adaptive", name=None, record=None, lanes=None, **battle))]
+    spectators=IntArg::Small(1), wait="adaptive", name=None, lanes=None, **battle))]
 #[pyo3(text_signature = "(scenario, num_envs=64, *, batch_size=None, seed=None, threads=None, \
     autoreset_mode='NextStep', episode_limit='default', rules='smaclite', opponent=None, sides='allies', \
-    mirror=False, zero_sum=False, fields=None, obs_last_actions=0, obs_agent_id=False, max_held_batches=4, \
-    spectators=1, wait='adaptive', name=None, record=None, lanes=None, **battle)")]
+    fields=None, obs_last_actions=0, obs_agent_id=False, max_held_batches=4, \
+    spectators=1, wait='adaptive', name=None, lanes=None, **battle)")]
 #[allow(clippy::too_many_arguments)] // keyword arguments in Python
 pub fn make(
     py: Python<'_>,
@@ -119,8 +112,6 @@ pub fn make(
     rules: &str,
     opponent: Option<OpponentArg>,
     sides: &str,
-    mirror: bool,
-    zero_sum: bool,
     fields: Option<Bound<'_, PyAny>>,
     obs_last_actions: IntArg,
     obs_agent_id: bool,
@@ -128,7 +119,6 @@ pub fn make(
     spectators: IntArg,
     wait: &str,
     name: Option<String>,
-    record: Option<PathBuf>,
     lanes: Option<IntArg>,
     battle: Option<Bound<'_, PyDict>>,
 ) -> PyResult<Py<PyAny>> {
@@ -145,7 +135,7 @@ pub fn make(
     let lanes = lanes.map(|lanes| lane_count(lanes, num_envs)).transpose()?;
     let (rules, autoreset) = (parse_option::<Rules>(rules)?, parse_option(&autoreset_mode.0)?);
     let episode_limit = to_episode_limit(episode_limit)?;
-    let sides = Sides::new(sides, EnemySide { mirror, zero_sum }).map_err(invalid_request)?;
+    let sides = parse_option::<Sides>(sides)?;
     let opponents = opponent.map(|opponent| opponent.opponents(sides)).transpose()?;
     let fields = match fields {
         Some(names) => {
@@ -154,7 +144,6 @@ pub fn make(
         None => FieldSet::DEFAULT,
     };
     let (name, runtime_dir) = (name.unwrap_or_else(unique_name), runtime_dir()?);
-    record.as_deref().map_or(Ok(()), |path| check_replay_path("record", path))?;
     let _pending = PendingCall::new()?;
     // Not before: when the interpreter exits, nothing can be imported.
     let seed: u64 = seed.map_or_else(|| random_seed(py), Ok)?;
@@ -198,18 +187,14 @@ pub fn make(
         let prepared = config.prepare().map_err(errors::start_error)?;
         let supervisor = Supervisor::start_prepared(prepared, is_cancelled).map_err(errors::start_error)?;
         let supervisor = Arc::new(supervisor);
-        let runtime_dir = supervisor.runtime_dir();
-        let mut record = record; // of the first lane
-        let attached = names.iter().map(|lane| {
-            attach(runtime_dir, record.take(), is_cancelled, |_| supervisor.connect(Some(lane), wait))
-        });
+        let attached = names.iter().map(|lane| supervisor.connect(Some(lane), wait));
         let attached = attached.collect::<Result<Vec<_>, _>>().map_err(errors::connect_error)?;
         Ok::<_, PyErr>((attached, Embedded { supervisor, scenario }, warnings))
     };
     let (attached, embedded, warnings) = run_on_thread(py, start)??;
     let mut envs = attached
         .into_iter()
-        .map(|(client, recording)| Envs::new(py, client, Some(embedded.clone()), recording))
+        .map(|client| Envs::new(py, client, Some(embedded.clone())))
         .collect::<PyResult<Vec<_>>>()?;
     for warning in warnings {
         let text = CString::new(warning)?;
@@ -243,8 +228,6 @@ fn unique_name() -> String {
 ///     timeout: seconds to wait for the pool to start and answer; None for no limit. With 0, the default, the
 ///         pool must be running already, and has 10 seconds to answer.
 ///     wait: how to wait for batches: "adaptive" (spin briefly, then block), "spin" or "block".
-///     record: a file, `NAME.smreplay`, to which `close` writes a replay of the last 100 episodes of
-///         environment 0, as for `make`.
 ///
 /// Raises:
 ///     NoSuchPool: no pool of that name is running.
@@ -255,44 +238,24 @@ fn unique_name() -> String {
 ///     ConnectError: the pool has no such lane, did not answer in time, or is of another release.
 ///     InvalidRequest: an argument is invalid.
 #[pyfunction]
-#[pyo3(signature = (pool=None, lane=None, *, timeout=0.0, wait="adaptive", record=None, **unknown))]
-#[pyo3(text_signature = "(pool, lane=None, *, timeout=0.0, wait='adaptive', record=None)")]
+#[pyo3(signature = (pool=None, lane=None, *, timeout=0.0, wait="adaptive", **unknown))]
+#[pyo3(text_signature = "(pool, lane=None, *, timeout=0.0, wait='adaptive')")]
 pub fn connect(
     py: Python<'_>,
     pool: Option<String>,
     lane: Option<String>,
     #[pyo3(from_py_with = timeout_seconds)] timeout: Option<f64>,
     wait: &str,
-    record: Option<PathBuf>,
     unknown: Option<Bound<'_, PyDict>>,
 ) -> PyResult<Envs> {
-    let valid = ["pool", "lane", "timeout", "wait", "record"];
+    let valid = ["pool", "lane", "timeout", "wait"];
     refuse_keywords(Place::Connect, "connect", unknown.as_ref(), &valid)?;
     let pool = required("connect", "pool", pool)?;
     let (wait, timeout, runtime_dir) = (parse_option(wait)?, to_duration(timeout)?, runtime_dir()?);
-    record.as_deref().map_or(Ok(()), |path| check_replay_path("record", path))?;
     let _pending = PendingCall::new()?;
     let client = run_on_thread(py, move |interrupted| {
-        attach(&runtime_dir, record, interrupted, |interrupted| {
-            let options = WaitOptions { timeout, interrupted };
-            Client::connect(&runtime_dir, &pool, lane.as_deref(), wait, options)
-        })
+        let options = WaitOptions { timeout, interrupted };
+        Client::connect(&runtime_dir, &pool, lane.as_deref(), wait, options)
     })?;
-    let (client, recording) = client.map_err(errors::connect_error)?;
-    Envs::new(py, client, None, recording)
-}
-
-/// Attaches, and begins to record.
-fn attach(
-    runtime_dir: &RuntimeDir,
-    record: Option<PathBuf>,
-    interrupted: IsCancelled<'_>,
-    connect: impl FnOnce(IsCancelled<'_>) -> Result<Client, ConnectError>,
-) -> Result<(Client, Option<RecordingToFile>), ConnectError> {
-    let client = connect(interrupted)?;
-    let lane = client.description();
-    let record =
-        record.map(|path| RecordingToFile::start(runtime_dir, &lane.pool, &lane.lane, path, interrupted));
-    let recording = record.transpose()?;
-    Ok((client, recording))
+    Envs::new(py, client.map_err(errors::connect_error)?, None)
 }

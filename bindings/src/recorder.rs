@@ -4,26 +4,18 @@ use crate::convert::{IntArg, is_about_argument, to_unsigned};
 use crate::errors::{class, client_error, connect_error, invalid_request};
 use crate::exclusive::{Exclusive, Texts};
 use crate::query::runtime_dir;
-use crate::wait::{IsCancelled, interruptible, run_on_thread};
+use crate::wait::{interruptible, run_on_thread};
 use pyo3::exceptions::{PyOSError, PyRuntimeWarning};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
-use smaclite_ipc::{ClientError, ConnectError, ProcessOwned, RuntimeDir, WaitOptions};
+use smaclite_ipc::{ClientError, WaitOptions};
 use smaclite_recorder::PoolRecorder;
 use smaclite_view::SUFFIX;
 use std::ffi::CString;
-use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
 
 /// The most episodes per environment that a recorder keeps.
 const MAX_EPISODES: usize = 1000;
-
-/// Episodes that `record=` of `make` and `connect` keeps.
-const DEFAULT_EPISODES: usize = 100;
-
-/// How long environments that are dropped wait for the battles that they record.
-const DROP_TIMEOUT: Duration = Duration::from_secs(1);
 
 /// Writes the newest episodes, unless there is none: then it returns `false`.
 fn save(recorder: &mut PoolRecorder, path: &Path, wait: WaitOptions<'_>) -> PyResult<bool> {
@@ -40,70 +32,15 @@ fn save(recorder: &mut PoolRecorder, path: &Path, wait: WaitOptions<'_>) -> PyRe
     Ok(true)
 }
 
-/// The recording of `make` and `connect`, which is written when its environments are closed.
-pub struct RecordingToFile {
-    /// A forked child writes nothing.
-    recorder: ProcessOwned<Option<PoolRecorder>>,
-    path: PathBuf,
-}
-
-impl RecordingToFile {
-    /// Records environment 0 of a lane.
-    pub fn start(
-        runtime_dir: &RuntimeDir,
-        pool: &str,
-        lane: &str,
-        path: PathBuf,
-        interrupted: IsCancelled<'_>,
-    ) -> Result<RecordingToFile, ConnectError> {
-        // The folder of the process may be another one at the end.
-        let path = std::path::absolute(&path).unwrap_or(path);
-        let wait = WaitOptions::interrupted_by(interrupted);
-        let recorder = PoolRecorder::connect(runtime_dir, pool, Some(lane), &[0], DEFAULT_EPISODES, wait)?;
-        Ok(RecordingToFile { recorder: ProcessOwned::new(Some(recorder)), path })
-    }
-
-    /// Writes the file, if an episode began.
-    pub fn finish(&mut self, interrupted: IsCancelled<'_>) -> PyResult<()> {
-        let Ok(recorder) = self.recorder.get_mut() else {
-            return Ok(());
-        };
-        match recorder.take() {
-            Some(mut recorder) => {
-                save(&mut recorder, &self.path, WaitOptions::interrupted_by(interrupted)).map(|_| ())
-            }
-            None => Ok(()),
-        }
-    }
-}
-
-impl Drop for RecordingToFile {
-    /// For environments that are not closed. Nothing can be raised here, Ctrl-C neither, so a pool that does
-    /// not answer is not waited for long, and not attached to the interpreter.
-    fn drop(&mut self) {
-        if self.recorder.is_none() {
-            return;
-        }
-        let deadline = Instant::now() + DROP_TIMEOUT;
-        let finish = || self.finish(&mut || Instant::now() >= deadline);
-        let finished = Python::try_attach(|py| py.detach(finish)).unwrap_or(Ok(()));
-        if let Err(error) = finished {
-            let _ = writeln!(io::stderr(), "smaclite_pool: {error}");
-        }
-    }
-}
-
-/// Checks the suffix of a replay file before anything is recorded.
-pub fn check_replay_path(argument: &str, path: &Path) -> PyResult<()> {
+/// Checks the suffix and the folder of a replay file.
+fn check_replay_path(path: &Path) -> PyResult<()> {
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     if path.extension().is_none_or(|suffix| suffix != SUFFIX) {
-        return Err(invalid_request(format!("{argument} must end in .{SUFFIX}, got '{}'", path.display())));
+        return Err(invalid_request(format!("path must end in .{SUFFIX}, got '{}'", path.display())));
     }
     if !folder.is_dir() {
         let folder = folder.display();
-        return Err(invalid_request(format!(
-            "{argument} must be in a folder that exists; there is no '{folder}'"
-        )));
+        return Err(invalid_request(format!("path must be in a folder that exists; there is no '{folder}'")));
     }
     Ok(())
 }
@@ -249,7 +186,7 @@ impl Recorder {
     ///     Forked: this process is a forked child of the one that made the recorder.
     ///     Closed: the recorder is closed.
     fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        check_replay_path("path", &path)?;
+        check_replay_path(&path)?;
         let save = |recorder: &mut PoolRecorder, wait: WaitOptions<'_>| {
             save(recorder, &path, wait).map(|saved| (saved, recorder.n_missing()))
         };

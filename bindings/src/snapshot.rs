@@ -144,7 +144,7 @@ fn checked(
     let (n_past, learner) = (layout.sizes().n_past, Opponent::Learner.index() as u32);
     // Where a learner or a team plays the enemies, they have actions.
     let is_of_learner = layout.column(&record, Column::Opponent) == learner.to_le_bytes();
-    let sides = if is_of_learner && scenario.smacv2.is_none() { Sides::MIRRORED } else { Sides::Allies };
+    let sides = if is_of_learner && scenario.smacv2.is_none() { Sides::Mirrored } else { Sides::Allies };
     let arena = Arena::new(scenario, layout.rules(&record)?).with_sides(sides);
     let (snapshot, past_actions) = Snapshot::of_edited_record(&arena, n_past, &record)?;
     snapshot.write_record(&arena, layout, &past_actions, &mut record);

@@ -32,7 +32,7 @@ pub(crate) fn setup_in(response: ControlResponse) -> Result<(LaneDescription, Ba
             })?;
             let (episode_limit, opponents) = (lane.episode_limit.into(), lane.opponents.clone());
             // Its battles have both sides if a team plays one; to followers, the actions are of both.
-            let sides = if lane.opponent_team.is_some() { Sides::MIRRORED } else { lane.sides };
+            let sides = if lane.opponent_team.is_some() { Sides::Mirrored } else { lane.sides };
             let setup = BattleSetup { files: *files, rules, episode_limit, opponents, sides };
             Ok((*lane, setup))
         }

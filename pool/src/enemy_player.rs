@@ -94,7 +94,7 @@ mod tests {
     #[should_panic = "chose action 99 for enemy 0: unavailable"]
     fn an_unavailable_action_of_a_team_is_its_fault() {
         let arena = Arena::new(&Scenario::standard("3m").unwrap(), Rules::default());
-        let battle = Battle::new(Arc::new(arena.with_sides(Sides::MIRRORED)), 0);
+        let battle = Battle::new(Arc::new(arena.with_sides(Sides::Mirrored)), 0);
         let team =
             EnemyTeam { name: "own".to_owned(), last_actions: 0, make: Arc::new(|| Box::new(Always(99))) };
         let mut player = EnemyPlayer::new(&team, battle.arena().sizes());

@@ -6,7 +6,7 @@ use std::fmt;
 use std::sync::Arc;
 
 /// A team that plays the enemies of a lane in the place of a learner. The battles of the lane have
-/// [mirrored sides](smaclite_engine::Sides::MIRRORED), of which the learner of the lane sees and plays the
+/// [mirrored sides](smaclite_engine::Sides::Mirrored), of which the learner of the lane sees and plays the
 /// agents alone.
 #[derive(Clone)]
 pub struct EnemyTeam {

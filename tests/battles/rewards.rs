@@ -5,8 +5,8 @@ use std::sync::Arc;
 
 use smaclite_engine::policy::Random;
 use smaclite_engine::{
-    Arena, Battle, EnemySide, ExecutionOrder, Faction, KILL_REWARD, Rewards, Rules, Scratch, Sides, Step,
-    Tick, action, policy,
+    Arena, Battle, ExecutionOrder, Faction, KILL_REWARD, Rewards, Rules, Scratch, Sides, Step, Tick, action,
+    policy,
 };
 use smaclite_scenarios::Scenario;
 
@@ -150,22 +150,18 @@ fn options_change_rewards_alone() {
     assert!(differ > 10);
 }
 
-/// On every map, for both sides, and for rewards that are common, own, zero-sum and at the end alone.
+/// On every map, for both sides, and for rewards that are common, own, and at the end alone.
 #[test]
 fn shares_add_up_to_the_reward() {
     for name in Scenario::standard_names().chain(Scenario::generated_names()) {
         for rewards in [Rewards::DEFAULT, ALL, Rewards { sparse: true, ..ALL }] {
             let mut scenario = scenario(name, rewards);
             scenario.smacv2.iter_mut().for_each(|options| options.rewards = rewards);
-            for zero_sum in [false, true] {
-                if zero_sum && scenario.smacv2.is_some() {
+            for sides in [Sides::Allies, Sides::Both] {
+                if sides.check(&scenario).is_err() {
                     continue;
                 }
-                let arena = Arena::new(&scenario, Rules::Smaclite);
-                let arena = match zero_sum {
-                    true => arena.with_sides(Sides::Both(EnemySide { mirror: false, zero_sum })),
-                    false => arena,
-                };
+                let arena = Arena::new(&scenario, Rules::Smaclite).with_sides(sides);
                 let mut battle = Battle::new(Arc::new(arena), 1);
                 battle.keep_shares();
                 let mut rewarded = 0;

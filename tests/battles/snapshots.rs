@@ -97,9 +97,9 @@ fn a_record_is_the_same_when_it_is_written_again_for_every_opponent() {
     let scenario = Scenario::standard("3m").expect("a standard scenario");
     let arena = |sides| Arc::new(Arena::new(&scenario, Rules::Smaclite).with_sides(sides));
     for (opponent, enemies, sides) in
-        [(Opponent::Learner, 1, Sides::MIRRORED), (Opponent::AttackMove, 0, Sides::Allies)]
+        [(Opponent::Learner, 1, Sides::Mirrored), (Opponent::AttackMove, 0, Sides::Allies)]
     {
-        let mut battle = Battle::new(arena(Sides::MIRRORED), 1);
+        let mut battle = Battle::new(arena(Sides::Mirrored), 1);
         battle.reset_against(opponent);
         let actions = [[1; 3], [enemies; 3]].concat();
         battle.step(&actions, &mut Scratch::new()).expect("all may stop");

@@ -2,7 +2,7 @@
 //! their place, and everything about lanes holds for them.
 
 use smaclite_engine::policy::{BattleSide, LearnerView, Scripted};
-use smaclite_engine::{Arena, Battle, EnemySide, Faction, Opponent, Opponents, Rules, Scratch, Sides, Step};
+use smaclite_engine::{Arena, Battle, Faction, Opponent, Opponents, Rules, Scratch, Sides, Step};
 use smaclite_pool::Autoreset;
 use smaclite_pool::fields::{FIELDS, Field};
 use smaclite_scenarios::Scenario;
@@ -10,11 +10,8 @@ use smaclite_tests::process::TIMEOUT;
 use smaclite_tests::{LanePlan, Learner, PoolPlan, TestDir};
 use std::sync::Arc;
 
-const PLAIN: EnemySide = EnemySide { mirror: false, zero_sum: false };
-const MIRROR: EnemySide = EnemySide { mirror: true, zero_sum: false };
-
-fn battle(scenario: &Scenario, enemies: EnemySide) -> Battle {
-    let arena = Arena::new(scenario, Rules::Smaclite).with_sides(Sides::Both(enemies));
+fn battle(scenario: &Scenario, sides: Sides) -> Battle {
+    let arena = Arena::new(scenario, Rules::Smaclite).with_sides(sides);
     Battle::new(Arc::new(arena), 1)
 }
 
@@ -79,7 +76,7 @@ fn exchanging_the_sides_exchanges_what_they_see_and_earn() {
         let scenario = Scenario::standard(name).expect("a standard scenario");
         let other = exchanged(&scenario);
         for (allies, enemies) in policies {
-            let (mut here, mut there) = (battle(&scenario, PLAIN), battle(&other, PLAIN));
+            let (mut here, mut there) = (battle(&scenario, Sides::Both), battle(&other, Sides::Both));
             let steps = play(&mut here, allies, enemies);
             let of_others = play(&mut there, enemies, allies);
             let rewards = |step: &Step| [step.reward, step.enemy_reward].map(f64::to_bits);
@@ -99,24 +96,11 @@ fn exchanging_the_sides_exchanges_what_they_see_and_earn() {
 fn enemies_that_win_have_a_return_of_20() {
     for (name, most) in [("3m", 20.0), ("3s5z", 23.0), ("25m", 20.0)] {
         let scenario = Scenario::standard(name).expect("a standard scenario");
-        let mut battle = battle(&scenario, PLAIN);
+        let mut battle = battle(&scenario, Sides::Both);
         let steps = play(&mut battle, "random", "focus_fire");
         assert!(battle.is_won_by(Faction::Enemy) && !battle.is_won_by(Faction::Ally), "{name}");
         let earned: f64 = steps.iter().map(|step| step.enemy_reward).sum();
         assert!((20.0 - 1e-9..=most + 1e-9).contains(&earned), "{name}: {earned}");
-    }
-}
-
-#[test]
-fn zero_sum_rewards_are_opposite_and_sum_to_the_same_difference() {
-    let scenario = Scenario::standard("2s3z").expect("a standard scenario");
-    let zero_sum = EnemySide { zero_sum: true, ..PLAIN };
-    let (mut plain, mut zero_sum) = (battle(&scenario, PLAIN), battle(&scenario, zero_sum));
-    let [plain, zero_sum] = [&mut plain, &mut zero_sum].map(|battle| play(battle, "nearest", "kite"));
-    assert!(plain.iter().any(|step| step.enemy_reward > 0.0) && plain.len() == zero_sum.len());
-    for (plain, zero_sum) in plain.iter().zip(&zero_sum) {
-        assert_eq!(zero_sum.reward, plain.reward - plain.enemy_reward);
-        assert_eq!(zero_sum.enemy_reward, -zero_sum.reward);
     }
 }
 
@@ -126,7 +110,7 @@ fn zero_sum_rewards_are_opposite_and_sum_to_the_same_difference() {
 fn both_sides_of_a_symmetric_map_see_the_same_in_a_mirror() {
     for name in ["3m", "8m", "25m", "2s3z", "3s5z", "MMM"] {
         let scenario = Scenario::standard(name).expect("a standard scenario");
-        let mut battle = battle(&scenario, MIRROR);
+        let mut battle = battle(&scenario, Sides::Mirrored);
         let sizes = battle.arena().sizes();
         assert_eq!(sizes.of(Faction::Enemy).map(|sizes| sizes.obs_size), Some(sizes.obs_size), "{name}");
         let mut scratch = Scratch::new();
@@ -152,7 +136,7 @@ fn both_sides_of_a_symmetric_map_see_the_same_in_a_mirror() {
 fn enemies_of_a_script_look_dead_to_learners() {
     let scenario = Scenario::standard("2s3z").expect("a standard scenario");
     let opponents = Opponents::new([("learner", 1.0), ("attack_move", 1.0)]).expect("opponents");
-    let arena = Arena::new(&scenario, Rules::Smaclite).with_sides(Sides::Both(MIRROR));
+    let arena = Arena::new(&scenario, Rules::Smaclite).with_sides(Sides::Mirrored);
     let mut battle = Battle::new(Arc::new(arena.with_opponents(opponents)), 3);
     let mut seen = [false; 2];
     for _ in 0..20 {
@@ -190,7 +174,7 @@ fn lanes_of_both_sides_show_the_bits_of_the_reference() {
                 obs_agent_id: i == 1,
                 ..LanePlan::new(map, 6)
             };
-            let plan = plan.both_sides(EnemySide { mirror: i == 1, zero_sum: threads == 2 });
+            let plan = plan.both_sides([Sides::Both, Sides::Mirrored][i]);
             let opponents = if threads == 3 { mixture.clone() } else { plan.opponents };
             let pool = PoolPlan::new([LanePlan { opponents, ..plan }]).threads(threads);
             let _pool = dir.start(&pool);

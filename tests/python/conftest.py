@@ -11,11 +11,13 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
+import smaclite_pool as sp
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 PROGRAM = [sys.executable, "-m", "smaclite_pool"]
@@ -151,6 +153,14 @@ def program(
     done = subprocess.run(command, cwd=cwd, env=env, capture_output=True, text=True, timeout=300, check=False)
     assert not check or done.returncode == 0, done.stdout + done.stderr
     return done
+
+
+@contextmanager
+def recorded(envs: sp.Envs, path: Path) -> Iterator[None]:
+    """Records environment 0, and writes the replay at the end."""
+    with sp.Recorder(envs.spec.pool, envs.spec.lane) as recorder:
+        yield
+        recorder.save(path)
 
 
 def replayed(path: Path) -> str:

@@ -15,7 +15,7 @@ import smaclite_pool.integrations.gymnasium  # registers its ids
 from numpy.typing import NDArray
 from smaclite_pool.integrations.pettingzoo import parallel_env
 
-from conftest import Serve, each_case
+from conftest import Serve, each_case, recorded
 from test_recorder import episodes
 
 FIELDS = ["obs", "state", "avail_actions", "alive", "episode_return", "episode_length", "snapshot"]
@@ -315,7 +315,7 @@ def test_wrappers_and_rollouts_see_branches() -> None:
 def test_recordings_of_battles_that_jump_are_reproduced(tmp_path: Path) -> None:
     """An episode that began with edited health was played again with that of the scenario."""
     path = tmp_path / "jumps.smreplay"
-    with sp.make("2s3z", 2, fields=FIELDS, episode_limit=15, record=path) as envs:
+    with sp.make("2s3z", 2, fields=FIELDS, episode_limit=15) as envs, recorded(envs, path):
         snapshots = envs.reset(seed=1).snapshot.copy()
         columns = sp.snapshot_columns(snapshots[0])
         columns["hp"][:] = 5

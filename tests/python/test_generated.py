@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 
-from conftest import replayed
+from conftest import recorded, replayed
 
 FIELDS = ["obs", "state", "avail_actions", "alive", "reward", "snapshot", "level"]
 HIDDEN = {"prob_obs_enemy": 0.5, "conic_fov": True, "attack": {"lower_bound": 0.3, "upper_bound": 0.9}}
@@ -95,7 +95,7 @@ def test_the_interface_is_that_of_agents() -> None:
 
 def test_a_replay_plays_generated_battles_again(tmp_path: Path) -> None:
     path = tmp_path / "drawn.smreplay"
-    with sp.make("terran_5_vs_5", 2, seed=0, record=path, smacv2=HIDDEN) as envs:
+    with sp.make("terran_5_vs_5", 2, seed=0, smacv2=HIDDEN) as envs, recorded(envs, path):
         envs.reset(seed=1)
         for _ in range(120):
             envs.step(envs.sample_actions())

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 import smaclite_pool as sp
 
-from conftest import Serve, program, replayed
+from conftest import Serve, program, recorded, replayed
 
 SEEN = ("obs", "state", "avail_actions", "alive", "reward", "terminated", "truncated", "dead_enemies")
 FIELDS = [*SEEN, "battle_won", "episode_return", "episode_length", "dead_allies", "opponent", "snapshot"]
@@ -143,7 +143,9 @@ def test_snapshots_and_forks_go_on_with_the_same_bits() -> None:
 
 def test_a_replay_needs_no_team(decided: Path, tmp_path: Path) -> None:
     file = tmp_path / "battles.smreplay"
-    play(record=file, opponent={str(decided): 3, "kite": 1})
+    opponent = {str(decided): 3, "kite": 1.0}
+    with sp.make("3m", 6, opponent=opponent, fields=FIELDS) as envs, recorded(envs, file):
+        rows_of(envs, envs.reset(seed=3), 120)
     shutil.rmtree(decided)
     assert "reproduced" in replayed(file)
 
@@ -211,7 +213,7 @@ def test_a_team_of_other_rules_is_warned_of() -> None:
         ),
         ("3m", {"opponent": {"zoo:3m": 1, "learner": 1}}, "in the place of `learner`, which cannot be named"),
         ("3m", {"opponent": {"zoo:3m": 0}}, "the weight of opponent `zoo:3m` must be a number above 0"),
-        ("3m", {"opponent": "zoo:3m", "sides": "both"}, "needs sides `allies`: with `both`, its actions are"),
+        ("3m", {"opponent": "zoo:3m", "sides": "both"}, "needs sides `allies`: with both, its actions are"),
         (
             "3m",
             {"opponent": "zoo:3m", "smacv2": {"prob_obs_enemy": 0.5}},

@@ -9,7 +9,7 @@ import pytest
 import smaclite_pool as sp
 from smaclite_pool.marl.smac import StarCraft2Env
 
-from conftest import replayed
+from conftest import recorded, replayed
 
 MIXTURE = {"attack_move": 1.0, "kite": 2.0, "hold": 1.0}
 
@@ -26,7 +26,7 @@ def test_the_opponents_of_a_mixture_are_named_in_batches_snapshots_and_replays(t
     file = tmp_path / "mixture.smreplay"
     fields = ["opponent", "snapshot", "state", "avail_actions"]
     seen: set[int] = set()
-    with sp.make("3m", num_envs=2, opponent=MIXTURE, fields=fields, record=file) as envs:
+    with sp.make("3m", num_envs=2, opponent=MIXTURE, fields=fields) as envs, recorded(envs, file):
         assert envs.spec.opponents == MIXTURE
         policy = sp.ScriptedPolicy("focus_fire", envs)
         batch = envs.reset(seed=5)

@@ -150,10 +150,10 @@ def test_the_aec_battle_is_the_parallel_one(env: parallel_env) -> None:
     aec.close()
 
 
-@pytest.mark.parametrize(("scenario", "mirror"), [("3m", True), ("5m_vs_6m", False), ("MMM2", False)])
-def test_pettingzoo_accepts_both_teams(scenario: str, mirror: bool) -> None:
+@pytest.mark.parametrize(("scenario", "sides"), [("3m", "mirrored"), ("5m_vs_6m", "both"), ("MMM2", "both")])
+def test_pettingzoo_accepts_both_teams(scenario: str, sides: str) -> None:
     def make() -> parallel_env:
-        return parallel_env(scenario, sides="both", mirror=mirror)
+        return parallel_env(scenario, sides=sides)
 
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -161,7 +161,7 @@ def test_pettingzoo_accepts_both_teams(scenario: str, mirror: bool) -> None:
         parallel_api_test(env, num_cycles=300)
         env.close()
         parallel_seed_test(make, num_cycles=100)
-    made = pettingzoo.env(scenario, sides="both", mirror=mirror, seed=3)
+    made = pettingzoo.env(scenario, sides=sides, seed=3)
     api_test(made, num_cycles=200)
     made.close()
 

@@ -181,9 +181,9 @@ def test_who_has_no_standard_streams_harms_no_pool(user: str, serve: Serve, tmp_
 
 def test_a_pool_of_both_sides_says_why_it_is_not_trained_on(serve: Serve, tmp_path: Path) -> None:
     """The reason was said to be the field `opponent`, though the lane served all fields."""
-    serve("3m:2", "--name", "arena", "--sides", "both", "--mirror")
+    serve("3m:2", "--name", "arena", "--sides", "mirrored")
     done = program("train", "3m", "--pool", "arena", "--out", tmp_path / "run", check=False)
-    assert done.returncode == 1 and "without `--sides both`" in done.stderr, done.stderr
+    assert done.returncode == 1 and "with `--sides allies`" in done.stderr, done.stderr
 
 
 def test_the_example_plays() -> None:

@@ -1,8 +1,7 @@
-"""Recordings of pools: `record=` of environments, `Recorder` beside a learner, and what both refuse."""
+"""Recordings of pools by a `Recorder` and by the command, and what both refuse."""
 
 from __future__ import annotations
 
-import os
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ import pytest
 import smaclite_pool as sp
 from smaclite_pool.integrations.pettingzoo import parallel_env
 
-from conftest import PROGRAM, Serve, posix, replayed
+from conftest import PROGRAM, Serve, recorded, replayed
 
 
 def play(envs: sp.Envs, n_steps: int) -> list[tuple[float, int]]:
@@ -34,13 +33,12 @@ def episodes(path: Path) -> list[str]:
 
 
 @pytest.mark.parametrize("autoreset", ["NextStep", "SameStep"])
-def test_environments_write_a_replay_of_their_episodes(autoreset: str, tmp_path: Path) -> None:
+def test_a_replay_has_the_episodes_of_environment_0(autoreset: Any, tmp_path: Path) -> None:
     path = tmp_path / "train.smreplay"
-    with sp.make("2s3z", 3, autoreset_mode=autoreset, record=path) as envs:  # type: ignore[call-overload]
+    with sp.make("2s3z", 3, autoreset_mode=autoreset) as envs, recorded(envs, path):
         envs.seed_sampler(0)
         envs.reset(seed=9)
         ended = play(envs, 200)
-        assert not path.exists()
     found = episodes(path)
     assert len(ended) >= 2 and len(found) in (len(ended), len(ended) + 1), "the last one is not over"
     for line, (episode_return, length) in zip(found, ended, strict=False):
@@ -101,58 +99,26 @@ def test_the_command_records_a_running_pool(serve: Serve, tmp_path: Path) -> Non
         assert failed.returncode == 1 and message in failed.stderr
 
 
-def test_integrations_record_too(tmp_path: Path) -> None:
-    name = "smaclite_pool.integrations.gymnasium:smaclite_pool/2s3z-v0"
-    env: gymnasium.Env[Any, Any] = gymnasium.make(name, record=tmp_path / "a.smreplay")
-    env.reset(seed=5)
-    for _ in range(3):
-        env.step(np.ones(5, np.int64))
+def test_environments_of_integrations_are_recorded_by_their_name(tmp_path: Path) -> None:
+    env: gymnasium.Env[Any, Any] = gymnasium.make(
+        "smaclite_pool.integrations.gymnasium:smaclite_pool/2s3z-v0", name="gym"
+    )
+    parallel = parallel_env("3m", name="parallel")
+    with sp.Recorder("gym") as of_env, sp.Recorder("parallel") as of_parallel:
+        env.reset(seed=5)
+        for _ in range(3):
+            env.step(np.ones(5, np.int64))
+        of_env.save(tmp_path / "a.smreplay")
+        parallel.reset(seed=5)
+        parallel.step(dict.fromkeys(parallel.agents, 1))
+        of_parallel.save(tmp_path / "b.smreplay")
     env.close()
-    assert "recorded for 3 steps" in episodes(tmp_path / "a.smreplay")[0]
-
-    parallel = parallel_env("3m", record=tmp_path / "b.smreplay")
-    parallel.reset(seed=5)
-    parallel.step(dict.fromkeys(parallel.agents, 1))
     parallel.close()
+    assert "recorded for 3 steps" in episodes(tmp_path / "a.smreplay")[0]
     assert "recorded for 1 step" in episodes(tmp_path / "b.smreplay")[0]
 
 
-@posix
-def test_a_forked_child_writes_nothing(tmp_path: Path) -> None:
-    path = tmp_path / "parent.smreplay"
-    envs = sp.make("3m", 1, seed=0, record=path)
-    envs.reset(seed=1)
-    play(envs, 5)
-    child = os.fork()
-    if child == 0:
-        envs.close()
-        os._exit(0)
-    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
-    assert not path.exists()
-    play(envs, 5)
-    envs.close()
-    assert "recorded for 10 steps" in episodes(path)[0]
-
-
-def test_a_recording_is_written_where_it_was_begun(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Its path was that of the folder in which the environments were closed."""
-    (tmp_path / "other").mkdir()
-    monkeypatch.chdir(tmp_path)
-    with sp.make("3m", 1, seed=0, record="here.smreplay") as envs:
-        envs.reset(seed=1)
-        play(envs, 5)
-        monkeypatch.chdir("other")
-    assert (tmp_path / "here.smreplay").exists()
-
-
-def test_environments_without_an_episode_write_nothing(tmp_path: Path) -> None:
-    sp.make("3m", 1, record=tmp_path / "none.smreplay").close()
-    assert not list(tmp_path.iterdir())
-
-
 def test_wrong_arguments_name_what_is_accepted(tmp_path: Path) -> None:
-    with pytest.raises(sp.errors.InvalidRequest, match="record must end in .smreplay, got 'a.html'"):
-        sp.make("3m", 1, record="a.html")
     with pytest.raises(sp.errors.NoSuchPool, match="no pool named `train`"):
         sp.Recorder("train")
     with sp.make("3m", 2) as envs:
@@ -167,13 +133,11 @@ def test_wrong_arguments_name_what_is_accepted(tmp_path: Path) -> None:
             pytest.raises(sp.errors.InvalidRequest, match=r"\.smreplay"),
         ):
             recorder.save(tmp_path / "a.gif")
-    (tmp_path / "missing").mkdir()
-    envs = sp.make("3m", 1, record=tmp_path / "missing" / "a.smreplay")
-    envs.reset()
-    play(envs, 1)
-    (tmp_path / "missing").rmdir()
-    with pytest.raises(OSError, match="missing"):
-        envs.close()
+        with (
+            sp.Recorder(envs.spec.pool) as recorder,
+            pytest.raises(sp.errors.InvalidRequest, match="in a folder that exists; there is no"),
+        ):
+            recorder.save(tmp_path / "none" / "a.smreplay")
 
 
 def test_what_is_read_too_late_is_counted_and_reported(tmp_path: Path) -> None:

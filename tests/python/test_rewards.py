@@ -12,7 +12,7 @@ from smaclite_pool.integrations.gymnasium import make_vector
 from smaclite_pool.integrations.pettingzoo import parallel_env
 from smaclite_pool.marl.smac import StarCraft2Env
 
-from conftest import replayed
+from conftest import recorded, replayed
 
 DEFAULTS = {
     "reward_sparse": False,
@@ -83,7 +83,7 @@ def test_shares_must_be_named() -> None:
 def test_replays_snapshots_and_followers_have_the_rewards(tmp_path: Path) -> None:
     file = tmp_path / "battles.smreplay"
     options: dict[str, Any] = {"rewards": PUNISHED, "fields": ["obs", "avail_actions", "snapshot"]}
-    with sp.make("3s_vs_5z", 1, record=file, **options) as envs:
+    with sp.make("3s_vs_5z", 1, **options) as envs, recorded(envs, file):
         envs.reset(seed=1)
         for _ in range(60):
             batch = envs.step(envs.sample_actions())

@@ -12,7 +12,7 @@ import smaclite_pool as sp
 from smaclite_pool._layout import field_bounds
 from smaclite_pool.marl import smac
 
-from conftest import Serve, program, replayed
+from conftest import Serve, program, recorded, replayed
 
 Rules: TypeAlias = Literal["smaclite", "starcraft"]
 FIELDS = ["obs", "state", "avail_actions", "alive", "snapshot"]
@@ -63,7 +63,7 @@ def test_a_battle_goes_on_from_the_middle_of_its_attacks() -> None:
 
 def test_replays_and_runs_name_the_version_and_play_again(tmp_path: Path) -> None:
     file = tmp_path / "war.smreplay"
-    with sp.make("so_many_baneling", 1, rules="starcraft", record=file) as envs:
+    with sp.make("so_many_baneling", 1, rules="starcraft") as envs, recorded(envs, file):
         play(envs, 60)
     # Every tick is played again; the returns are compared.
     assert "starcraft-1" in replayed(file)

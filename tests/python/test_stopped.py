@@ -227,26 +227,3 @@ def test_a_recorder_is_used_by_one_thread_of_one_process(serve: Serve) -> None:
         assert os.waitpid(child, 0)[1] == 0
         server.send_signal(signal.SIGCONT)
         thread.join()
-
-
-def test_dropped_environments_do_not_stop_the_interpreter(serve: Serve, tmp_path: Path) -> None:
-    """A recording that was read at the end held it for ten seconds, without Ctrl-C and other threads."""
-    server = serve("3m:1", "--name", "train")
-    envs = sp.connect("train", record=tmp_path / "a.smreplay")
-    envs.reset(seed=1)
-    stop(server)
-    beats = [time.monotonic()]
-    ended = threading.Event()
-
-    def beat() -> None:
-        while not ended.wait(0.01):
-            beats.append(time.monotonic())
-
-    thread = threading.Thread(target=beat)
-    thread.start()
-    del envs
-    ended.set()
-    thread.join()
-    server.send_signal(signal.SIGCONT)
-    # Another thread ran while it was waited for; how often depends on the machine.
-    assert len(beats) > 10

@@ -305,7 +305,7 @@ def test_a_team_plays_the_enemies(folder: Path) -> None:
             losses += int((batch.terminated & (batch.dead_allies == 3)).sum())
     assert losses > 9 * wins, (losses, wins)
     without = {name: value for name, value in team.settings.items() if name != "opponent"}
-    assert rival.settings == {**without, "sides": "both", "mirror": True}
+    assert rival.settings == {**without, "sides": "mirrored"}
     with (
         sp.make("5m_vs_6m", num_envs=2, sides="both") as envs,
         pytest.raises(

@@ -57,12 +57,12 @@ def test_the_keys_are_those_of_multi_agent_environments(env: PoolEnv) -> None:
 
 @pytest.mark.parametrize("scenario", ["3m", "5m_vs_6m"])
 def test_the_enemies_are_a_group(scenario: str) -> None:
-    env = PoolEnv(scenario, 3, sides="both", mirror=True)
+    env = PoolEnv(scenario, 3, sides="mirrored")
     check_env_specs(env, seed=1, break_when_any_done="both")
     assert list(env.group_map) == ["agents", "enemies"]
     env.set_seed(5)
     played = env.rollout(60, break_when_any_done=False)
-    with sp.make(scenario, 3, autoreset_mode="Disabled", sides="both", mirror=True) as envs:
+    with sp.make(scenario, 3, autoreset_mode="Disabled", sides="mirrored") as envs:
         batch = envs.reset(5)
         for step in range(20):
             assert np.array_equal(played[:, step]["enemies", "observation"], batch.enemy_obs)

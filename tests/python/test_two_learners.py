@@ -17,7 +17,7 @@ from conftest import REPOSITORY, Serve, posix
 pytestmark = posix  # the page's learners meet at a Unix socket
 
 PAGE = REPOSITORY / "docs/how-to/self-play.md"
-POOL = ["3m:16", "--sides", "both", "--mirror", "--name", "arena"]
+POOL = ["3m:16", "--sides", "mirrored", "--name", "arena"]
 
 
 class Learners:

@@ -54,7 +54,7 @@ def test_the_defaults_in_the_signature_of_make_are_its_defaults() -> None:
     """Its text is written by hand, because PyO3 shows only literals; stubtest compares the stub with it."""
     parameters = inspect.signature(sp.make).parameters.values()
     defaults = {p.name: p.default for p in parameters if p.default is not p.empty}
-    assert len(defaults) == 20 and defaults["num_envs"] == 64
+    assert len(defaults) == 17 and defaults["num_envs"] == 64
     with sp.make("2s3z") as implicit, sp.make("2s3z", **defaults) as explicit:
         names = {name for name in dir(implicit.spec) if not name.startswith("_")} - {"pool", "seed"}
         for name in sorted(names):

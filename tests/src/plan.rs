@@ -2,7 +2,7 @@
 
 use crate::fault::Fault;
 use serde::{Deserialize, Serialize};
-use smaclite_engine::{Arena, Battle, BattleSetup, EnemySide, Opponent, Opponents, Sides};
+use smaclite_engine::{Arena, Battle, BattleSetup, Opponent, Opponents, Sides};
 use smaclite_ipc::{LaneConfig, PreparedPool, RuntimeDir, StartError, SupervisorConfig, WaitStrategy};
 use smaclite_pool::fields::FieldSet;
 use smaclite_pool::{Autoreset, LaneSettings, LaneSpec, MakeHook, PoolOptions};
@@ -138,8 +138,8 @@ impl LanePlan {
     }
 
     /// The same lane with joint actions that play both sides, and no script.
-    pub fn both_sides(self, enemies: EnemySide) -> LanePlan {
-        LanePlan { sides: Sides::Both(enemies), opponents: Opponent::Learner.into(), ..self }
+    pub fn both_sides(self, sides: Sides) -> LanePlan {
+        LanePlan { sides, opponents: Opponent::Learner.into(), ..self }
     }
 
     /// The same lane with a fault in environment `env`.

@@ -8,7 +8,7 @@ use crate::os;
 use crate::process::{interrupt_flag, wait_for};
 use clap::Args;
 use serde_json::value::RawValue;
-use smaclite_engine::{BattleSetup, EnemySide, EpisodeLimit, MAX_LAST_ACTIONS, Rules, Sides};
+use smaclite_engine::{BattleSetup, EpisodeLimit, MAX_LAST_ACTIONS, Rules, Sides};
 use smaclite_ipc::{
     LaneConfig, RuntimeDir, StartError, Supervisor, SupervisorConfig, WaitStrategy, check_name,
 };
@@ -67,15 +67,10 @@ pub(super) struct Serve {
     /// null removes a key, and options of smacv2 and rewards are added to those of the file. For all lanes
     #[arg(long, value_name = "KEY=JSON", value_parser = key_and_value)]
     set: Vec<(String, Box<RawValue>)>,
-    /// Which sides actions play: allies, or both
-    #[arg(long, default_value = "allies", value_name = "SIDES", value_parser = ["allies", "both"])]
-    sides: String,
-    /// With --sides both: reflect what the enemies see and do at the centre of the map
-    #[arg(long)]
-    mirror: bool,
-    /// With --sides both: the reward of each side is what it earns less what the other side earns
-    #[arg(long)]
-    zero_sum: bool,
+    /// Which sides actions play: allies; both; or mirrored, which is both, and what the enemies see and do is
+    /// reflected at the centre of the map
+    #[arg(long, default_value = "allies")]
+    sides: Sides,
     /// Fields of a batch, separated by commas [default: all]
     #[arg(long, value_delimiter = ',', value_name = "NAME,...", value_parser = field)]
     fields: Option<Vec<String>>,
@@ -189,9 +184,8 @@ impl Serve {
         let name = name.clone().unwrap_or_else(|| scenario.name.clone());
         check_name(&name).map_err(|why| format!("lane `{text}`: {why}; choose a name with LANE={text}"))?;
         let episode_limit = self.episode_limit.unwrap_or_default();
-        let sides = Sides::new(&self.sides, EnemySide { mirror: self.mirror, zero_sum: self.zero_sum })?;
-        sides.check(&scenario)?;
-        let setup = BattleSetup::new(files).with_sides(sides);
+        self.sides.check(&scenario)?;
+        let setup = BattleSetup::new(files).with_sides(self.sides);
         let setup = BattleSetup { rules: self.rules, episode_limit, ..setup };
         warn_of(&setup);
         let (setup, team) = match self.opponent.clone() {

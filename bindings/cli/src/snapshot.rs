@@ -2,8 +2,7 @@
 
 use super::table::Table;
 use smaclite_engine::{
-    Arena, BattleSetup, Column, EnemySide, Opponent, RecordLayout, RecordSizes, Rules, Sides, Snapshot,
-    SnapshotError,
+    Arena, BattleSetup, Column, Opponent, RecordLayout, RecordSizes, Rules, Sides, Snapshot, SnapshotError,
 };
 use smaclite_learn::resolve_scenario;
 use smaclite_scenarios::{Faction, Placement, Scenario, ScenarioError};
@@ -155,7 +154,7 @@ fn find_scenario(
     for name in names {
         let setup = resolve_scenario(name, rules)?;
         let setup = match has_two_sides(layout, bytes) {
-            true => setup.with_sides(Sides::Both(EnemySide::default())),
+            true => setup.with_sides(Sides::Both),
             false => setup,
         };
         let (scenario, arena) = match setup.arena() {

@@ -153,7 +153,7 @@ mod tests {
             // `$schema` was among them.
             ("x serve 3m --set foo=1", "unknown key `foo`; expected one of name, num_allied_units"),
             ("x serve 3m --set name", "must be KEY=JSON"),
-            ("x serve 3m --sides foo", "[possible values: allies, both]"),
+            ("x serve 3m --sides foo", "sides must be `allies`, `both` or `mirrored`, got `foo`"),
             ("x serve 3m --fields obs,obz", "unknown field `obz`; the fields are env_id"),
         ] {
             let message = message(args);

@@ -156,6 +156,7 @@ impl Rollout {
                 self.truncated[sample + i] = *truncated != 0;
             }
         }
+        self.balance_rewards(t, first_env..first_env + batch.terminated().len());
         if !league.is_played() {
             let ended = ended_episodes(batch, |_| None);
             self.episodes.extend(ended.map(|(_, episode)| Ended { episode, against: Against::Script }));

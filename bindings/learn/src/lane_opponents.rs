@@ -48,9 +48,7 @@ pub enum LaneOpponentsError {
     SeveralTeams(String, String),
     #[error("opponent `{0}` is a trained team in the place of `learner`, which cannot be named beside it")]
     Learner(String),
-    #[error(
-        "opponent `{0}` is a trained team, which needs sides `allies`: with `both`, its actions are given"
-    )]
+    #[error("opponent `{0}` is a trained team, which needs sides `allies`: with both, its actions are given")]
     BothSides(String),
     #[error(
         "opponent `{0}` is a trained team, which cannot play the enemies of a scenario with key `smacv2`: \
@@ -146,7 +144,7 @@ impl LaneOpponents {
         if fits_all {
             check_equal_sides(folder, &scenario)?;
         }
-        let setup = BattleSetup { opponents, sides: Sides::MIRRORED, ..setup };
+        let setup = BattleSetup { opponents, sides: Sides::Mirrored, ..setup };
         let unfit = |why| LaneOpponentsError::Unfit(name.clone(), why);
         team.check(&setup.arena()?.1, Faction::Enemy).map_err(unfit)?;
         let (last_actions, team) = (team.run.config.last_actions, Arc::new(team));

@@ -3,10 +3,11 @@
 //! A *seat* is a side of an environment that is learnt from. The allies of all environments come first; if
 //! the team plays both sides, the enemies of all environments follow.
 
-use crate::config::{Algorithm, Config, Enemies};
+use crate::config::{Algorithm, Config, Enemies, SelfPlay};
 use crate::math::WIDTH;
 use serde::{Deserialize, Serialize};
 use smaclite_engine::{Faction, Sizes};
+use std::ops::Range;
 
 /// An episode that ended.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -51,6 +52,8 @@ pub(crate) struct Rollout {
     pub num_envs: usize,
     /// The sides that are learnt from.
     pub sides: &'static [Faction],
+    /// A side learns from what it earns less what the other side earns.
+    is_zero_sum: bool,
     pub num_seats: usize,
     /// As the units of either side have them.
     pub sizes: Sizes,
@@ -80,9 +83,10 @@ pub(crate) struct Rollout {
 impl Rollout {
     pub fn new(config: &Config, sizes: Sizes) -> Rollout {
         let Config { horizon, num_envs, .. } = *config;
-        let plays_itself = matches!(config.enemies, Enemies::SelfPlay(_));
-        let sides: &[Faction] =
-            if plays_itself { &[Faction::Ally, Faction::Enemy] } else { &[Faction::Ally] };
+        let (sides, is_zero_sum): (&[Faction], bool) = match config.enemies {
+            Enemies::SelfPlay(SelfPlay { zero_sum, .. }) => (&[Faction::Ally, Faction::Enemy], zero_sum),
+            Enemies::Scripts | Enemies::Team { .. } => (&[Faction::Ally], false),
+        };
         let num_seats = num_envs * sides.len();
         let padded_actions = sizes.n_actions.next_multiple_of(WIDTH);
         let samples = horizon * num_seats;
@@ -92,6 +96,7 @@ impl Rollout {
             horizon,
             num_envs,
             sides,
+            is_zero_sum,
             num_seats,
             sizes,
             padded_actions,
@@ -111,6 +116,18 @@ impl Rollout {
     /// The number of the sample of a side of an environment.
     pub fn sample(&self, t: usize, side: Faction, env: usize) -> usize {
         t * self.num_seats + env + if side == Faction::Enemy { self.num_envs } else { 0 }
+    }
+
+    /// Where rewards are zero-sum: takes from each side's at time `t`, of these environments, the other's.
+    pub fn balance_rewards(&mut self, t: usize, envs: Range<usize>) {
+        if !self.is_zero_sum {
+            return;
+        }
+        for env in envs {
+            let [allies, enemies] = [Faction::Ally, Faction::Enemy].map(|side| self.sample(t, side, env));
+            let balance = self.rewards[allies] - self.rewards[enemies];
+            (self.rewards[allies], self.rewards[enemies]) = (balance, -balance);
+        }
     }
 
     /// The sides that are learnt from, with their sizes in an environment with these.

@@ -95,7 +95,7 @@ def evaluate(
             by new random seeds in every call.
         against: who plays the enemies, as `policy`, in environments that `sides="both"` made. The function
             gets batches as the enemies see them: `obs`, `state`, `avail_actions`, `alive` and `reward` are
-            those of `enemy_obs` and so on. With `mirror=True` a team can play either side.
+            those of `enemy_obs` and so on. With `sides="mirrored"` a team can play either side.
 
     Where a policy or a trained team plays the enemies (`against`, `make(opponent="zoo:3m")`), an episode
     whose last units die in the same step is a draw; else the agents have won it, as in SMAClite, or nobody,
@@ -161,7 +161,7 @@ def _check(envs: Any, policy: Any, episodes: int) -> None:
 
 def _player(envs: Envs | Wrapper, policy: Any, against: Any, seed: int | None) -> Policy:
     """A function from a batch to joint actions."""
-    plays_both = envs.spec.sides == "both"
+    plays_both = envs.spec.sides != "allies"
     if against is None:
         agents = _as_policy(envs, "policy", policy, "allies", seed)
         return _for_both_sides(envs, agents) if plays_both else agents

@@ -76,7 +76,7 @@ _Wait = Literal["adaptive", "spin", "block"]
 _Autoreset = Literal["NextStep", "SameStep", "Disabled"]
 _Policy = Literal["random", "nearest", "focus_fire", "kite", "hold", "line", "flank", "escort", "spread"]
 _Rules = Literal["smaclite", "paper", "starcraft", "starcraft-1"]
-_Sides = Literal["allies", "both"]
+_Sides = Literal["allies", "both", "mirrored"]
 _Default = TypeVar("_Default")
 
 _Item = TypeVar("_Item")
@@ -457,8 +457,6 @@ def make(
     rules: _Rules = "smaclite",
     opponent: str | PathLike[str] | Mapping[str, float] | None = None,
     sides: _Sides = "allies",
-    mirror: bool = False,
-    zero_sum: bool = False,
     fields: list[str] | None = None,
     obs_last_actions: int = 0,
     obs_agent_id: bool = False,
@@ -466,7 +464,6 @@ def make(
     spectators: int = 1,
     wait: _Wait = "adaptive",
     name: str | None = None,
-    record: str | PathLike[str] | None = None,
     lanes: None = None,
     **battle: Unpack[_Battle],
 ) -> Envs: ...
@@ -483,8 +480,6 @@ def make(
     rules: _Rules = "smaclite",
     opponent: str | PathLike[str] | Mapping[str, float] | None = None,
     sides: _Sides = "allies",
-    mirror: bool = False,
-    zero_sum: bool = False,
     fields: list[str] | None = None,
     obs_last_actions: int = 0,
     obs_agent_id: bool = False,
@@ -492,7 +487,6 @@ def make(
     spectators: int = 1,
     wait: _Wait = "adaptive",
     name: str | None = None,
-    record: str | PathLike[str] | None = None,
     lanes: int,
     **battle: Unpack[_Battle],
 ) -> list[Envs]: ...
@@ -502,7 +496,6 @@ def connect(
     *,
     timeout: float | None = 0.0,
     wait: _Wait = "adaptive",
-    record: str | PathLike[str] | None = None,
 ) -> Envs: ...
 def scenario(scenario: str | PathLike[str] | Envs | Wrapper) -> Scenario: ...
 def scenarios(*, generated: bool | None = None) -> list[str]: ...

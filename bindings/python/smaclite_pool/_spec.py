@@ -70,12 +70,9 @@ class LaneSpec:
     plays them."""
     opponent_team: str | None
     """The trained team that plays the enemies, as it was named: "zoo:3m", or the folder of its run."""
-    sides: Literal["allies", "both"]
-    """Which sides actions play: "allies" or "both". What follows is 0 or False for "allies"."""
-    mirror: bool = False
-    """Whether what the enemies see and do is reflected at the centre of the map."""
-    zero_sum: bool = False
-    """Whether the reward of each side is what it earns less what the other side earns."""
+    sides: Literal["allies", "both", "mirrored"]
+    """Which sides actions play: "allies", "both", or "mirrored", which is both with the enemies' fields and
+    actions reflected at the centre of the map. What follows is 0 for "allies"."""
     n_enemy_actions: int = 0
     """Number of actions per enemy, which are numbered as those of agents."""
     enemy_obs_size: int = 0
@@ -87,7 +84,7 @@ class LaneSpec:
     def n_actors(self) -> int:
         """Number of actions per environment: one per agent, and if actions play both sides then one per
         enemy."""
-        return self.n_agents + (self.n_enemies if self.sides == "both" else 0)
+        return self.n_agents + (0 if self.sides == "allies" else self.n_enemies)
 
     @staticmethod
     def _of(
@@ -98,8 +95,6 @@ class LaneSpec:
         """Called by the compiled module, for `Envs.spec` and `Spectator.spec`."""
         names = {field.name for field in dataclasses.fields(LaneSpec)}
         values: dict[str, Any] = {name: value for name, value in lane.items() if name in names}
-        if lane["sides"] != "allies":
-            values |= {"sides": "both", **lane["sides"]["both"]}
         if enemies := lane["enemies"]:
             values["n_enemy_actions"] = enemies["n_actions"]
             values["enemy_obs_size"], values["enemy_state_size"] = enemies["obs_size"], enemies["state_size"]

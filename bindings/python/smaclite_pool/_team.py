@@ -75,7 +75,7 @@ class Team:
         """Arguments of `make` for environments as those of the training; with `side="enemies"`, for
         environments of two learners, in which the enemies see the map as the team did in its training."""
         if side == "enemies":
-            self.settings |= {"sides": "both", "mirror": True}
+            self.settings |= {"sides": "mirrored"}
         else:
             self.settings["opponent"] = run["opponent"]
         self._network: TeamNetwork = run["network"]

@@ -19,7 +19,6 @@ __all__ = [
     "DatasetPolicy",
     "DatasetSizes",
     "Distribution",
-    "EnemySide",
     "EnemySizes",
     "LaneDescription",
     "LaneStats",
@@ -136,13 +135,6 @@ class Capacity(TypedDict):
     requests_waiting: int
 
 
-class EnemySide(TypedDict):
-    """What enemies that actions play see and earn."""
-
-    mirror: bool
-    zero_sum: bool
-
-
 class EnemySizes(TypedDict):
     """The sizes that differ for the enemies."""
 
@@ -209,7 +201,7 @@ class LaneDescription(TypedDict):
     """Who plays the enemies, with weights; "learner" is the team, if one plays them."""
     opponent_team: str | None
     """The trained team that plays the enemies, as it was named."""
-    sides: Literal["allies"] | dict[Literal["both"], EnemySide]
+    sides: Literal["allies", "both", "mirrored"]
     """Which sides actions play."""
     rewards: RewardOptions
     """What both sides are rewarded for."""

@@ -5,8 +5,7 @@ use crate::batch::Batch;
 use crate::errors::client_error;
 use crate::exclusive::{Exclusive, Guard, Texts};
 use crate::exit::CloseAtExit;
-use crate::recorder::RecordingToFile;
-use crate::wait::{IsCancelled, check_interrupts};
+use crate::wait::check_interrupts;
 use pyo3::prelude::*;
 use smaclite_ipc::{Client, Supervisor};
 use std::collections::VecDeque;
@@ -24,8 +23,6 @@ pub(super) struct SharedClient(Exclusive<Attached>);
 
 /// Dropped in this order: the client detaches from the pool before an embedded pool stops.
 struct Attached {
-    /// Written when these environments are closed.
-    recording: Option<RecordingToFile>,
     client: Client,
     /// Received, and not returned yet: the exception of a signal was raised in its place. Those of an epoch
     /// that is over are discarded when they are looked at.
@@ -34,20 +31,14 @@ struct Attached {
 }
 
 impl CloseAtExit for SharedClient {
-    /// A recording is written; the environments are closed also if that fails.
-    fn close_if_idle(&self, interrupted: IsCancelled<'_>) -> Option<PyResult<()>> {
-        let attached = self.0.take_if_idle()?;
-        Some(attached.map_or(Ok(()), |attached| attached.close(interrupted)))
+    fn close_if_idle(&self) -> bool {
+        self.0.take_if_idle().is_some()
     }
 }
 
 impl SharedClient {
-    pub(super) fn new(
-        client: Client,
-        embedded: Option<Arc<Supervisor>>,
-        recording: Option<RecordingToFile>,
-    ) -> SharedClient {
-        let attached = Attached { recording, client, kept: VecDeque::new(), _embedded: embedded };
+    pub(super) fn new(client: Client, embedded: Option<Arc<Supervisor>>) -> SharedClient {
+        let attached = Attached { client, kept: VecDeque::new(), _embedded: embedded };
         SharedClient(Exclusive::new(attached, TEXTS))
     }
 
@@ -63,10 +54,6 @@ impl Attached {
         let Attached { client, kept, .. } = self;
         kept.retain(|batch| client.is_current(batch.received()));
         kept
-    }
-
-    fn close(mut self, interrupted: IsCancelled<'_>) -> PyResult<()> {
-        self.recording.as_mut().map_or(Ok(()), |recording| recording.finish(interrupted))
     }
 }
 

@@ -174,7 +174,7 @@ impl OpponentArg {
             Err(error @ LaneOpponentsError::Opponents(OpponentsError::NoLearner(_))) => {
                 Err(invalid_request(format!(
                     "{error}; for the settings of a trained team: \
-                 make(..., sides=\"both\", **team.settings | {{\"opponent\": \"learner\"}})"
+                 make(..., sides=\"mirrored\", **team.settings | {{\"opponent\": \"learner\"}})"
                 )))
             }
             Err(error) => Err(invalid_request(error)),

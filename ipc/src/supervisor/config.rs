@@ -6,7 +6,7 @@ use crate::control::protocol::LaneDescription;
 use crate::name::check_name;
 use crate::os::memory::{PORTS, check_room};
 use crate::runtime_dir::RuntimeDir;
-use smaclite_engine::{Arena, BattleSetup, EnemySide, MAX_LAST_ACTIONS, Sides};
+use smaclite_engine::{Arena, BattleSetup, MAX_LAST_ACTIONS, Sides};
 use smaclite_pool::enemy_team::EnemyTeam;
 use smaclite_pool::{LaneSettings, LaneSpec, MakeHook, PoolOptions};
 use smaclite_scenarios::{Problems, ScenarioFiles};
@@ -20,7 +20,7 @@ pub struct LaneConfig {
     /// What its battles are played with.
     pub setup: BattleSetup,
     /// The team that plays the enemies. Then the setup has
-    /// [mirrored sides](smaclite_engine::Sides::MIRRORED), and the lane's learner is that of the agents.
+    /// [mirrored sides](smaclite_engine::Sides::Mirrored), and the lane's learner is that of the agents.
     pub team: Option<EnemyTeam>,
     /// How many there are, and how they are stepped.
     pub settings: LaneSettings,
@@ -90,8 +90,7 @@ impl LaneConfig {
         self.settings.check()?;
         self.setup.opponents.check(self.setup.sides)?;
         if let Some(team) = &self.team {
-            let is_mirrored = matches!(self.setup.sides, Sides::Both(EnemySide { mirror: true, .. }));
-            if !is_mirrored {
+            if self.setup.sides != Sides::Mirrored {
                 return Err(LaneConfigError::TeamSides);
             }
             if team.last_actions > MAX_LAST_ACTIONS {
@@ -238,14 +237,14 @@ mod tests {
             let team = EnemyTeam { name: "team".to_owned(), last_actions, make: Arc::new(|| unreachable!()) };
             LaneConfig { team: Some(team), ..LaneConfig::new("lane", setup, 2) }
         };
-        let unmirrored = Sides::Both(EnemySide::default());
+        let unmirrored = Sides::Both;
         for sides in [Sides::default(), unmirrored] {
             assert!(
                 refused(lane(sides, 1), 1).starts_with("lane `lane`: a team plays the enemies of mirrored")
             );
         }
-        assert!(refused(lane(Sides::MIRRORED, 17), 1).contains("17 of its own last actions"));
-        let lane = lane(Sides::MIRRORED, 16);
+        assert!(refused(lane(Sides::Mirrored, 17), 1).contains("17 of its own last actions"));
+        let lane = lane(Sides::Mirrored, 16);
         assert_eq!(
             refused(lane, usize::MAX),
             format!("threads must be between 1 and 1024, got {}", usize::MAX)

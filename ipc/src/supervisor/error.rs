@@ -55,7 +55,7 @@ pub enum LaneConfigError {
     Scenario(#[from] Problems),
     #[error(transparent)]
     Opponents(#[from] smaclite_engine::OpponentsError),
-    #[error("a team plays the enemies of mirrored sides, `Sides::MIRRORED`; set the setup's sides to that")]
+    #[error("a team plays the enemies of mirrored sides, `Sides::Mirrored`; set the setup's sides to that")]
     TeamSides,
     #[error("the team observes {0} of its own last actions; expected at most {MAX_LAST_ACTIONS}")]
     TeamLastActions(usize),

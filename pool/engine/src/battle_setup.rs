@@ -1,6 +1,5 @@
 //! What battles are played with: the one record that pools, replays and training runs keep of it.
 
-use crate::sides::EnemySide;
 use crate::{Arena, Opponents, Rules, Sides};
 use serde::{Deserialize, Serialize};
 use smaclite_scenarios::{Problem, Problems, Scenario, ScenarioFiles};
@@ -138,13 +137,7 @@ impl BattleSetup {
         if self.opponents != expected.opponents {
             compare("opponents", &self.opponents, &expected.opponents);
         }
-        let sides = |sides| match sides {
-            Sides::Allies => "allies".to_owned(),
-            Sides::Both(EnemySide { mirror, zero_sum }) => {
-                format!("both, mirror={mirror}, zero_sum={zero_sum}")
-            }
-        };
-        compare("sides", &sides(self.sides), &sides(expected.sides));
+        compare("sides", &self.sides, &expected.sides);
         parts.join(", ")
     }
 }
@@ -176,7 +169,7 @@ mod tests {
     fn battles_that_nobody_can_play_are_refused() {
         let setup = |map: &str| BattleSetup::new(ScenarioFiles::resolve(map).unwrap().1);
         let learner = BattleSetup { opponents: Opponent::Learner.into(), ..setup("3m") };
-        let script = BattleSetup { sides: Sides::Both(EnemySide::default()), ..setup("3m") };
+        let script = BattleSetup { sides: Sides::Both, ..setup("3m") };
         let no_steps = BattleSetup { episode_limit: EpisodeLimit::Steps(0), ..setup("3m") };
         for (setup, expected) in [
             (learner, "opponent `learner` needs sides `both`"),
@@ -210,11 +203,11 @@ mod tests {
         assert_eq!(setup("8m").differences(&expected), "scenario or unit types");
         let rules = BattleSetup { rules: Rules::Paper, ..setup("3m") };
         assert_eq!(rules.differences(&expected), "rules (paper instead of smaclite)");
-        let both = Sides::Both(EnemySide::default());
+        let both = Sides::Both;
         let given = BattleSetup { episode_limit: EpisodeLimit::Steps(7), ..setup("3m").with_sides(both) };
         let words = "episode limit (7 instead of the scenario's), \
                      opponents (learner instead of attack_move), \
-                     sides (both, mirror=false, zero_sum=false instead of allies)";
+                     sides (both instead of allies)";
         assert_eq!(given.differences(&expected), words);
     }
 }

@@ -104,7 +104,7 @@ pub use opponents::{Opponent, Opponents, OpponentsError};
 pub use random::{Generator, StreamPosition};
 pub use rules::{Rules, UnknownRules};
 pub use scratch::Scratch;
-pub use sides::{Actor, EnemySide, Sides, SidesError};
+pub use sides::{Actor, Sides, SidesError};
 pub use sizes::{EnemySizes, Sizes};
 pub use smaclite_scenarios::{Faction, Rewards};
 pub use snapshot::{

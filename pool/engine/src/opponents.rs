@@ -132,11 +132,13 @@ pub enum OpponentsError {
     #[error("opponent `{0}` is named twice")]
     Twice(String),
     /// Nobody gives actions to the enemies.
-    #[error("opponent `learner` needs sides `both`, so that the actions of the enemies are given")]
+    #[error(
+        "opponent `learner` needs sides `both` or `mirrored`, so that the actions of the enemies are given"
+    )]
     OneSide,
     /// A learner whose actions no battle reads.
     #[error(
-        "sides `both` needs opponent `learner`, because the actions of the enemies are given, got `{0}`: \
+        "actions play both sides, so the opponents must include `learner`, got `{0}`: \
          omit the opponent, mix it with `learner`, or choose sides `allies`"
     )]
     NoLearner(String),
@@ -381,7 +383,7 @@ mod tests {
     /// With a script alone, the numbers for the enemies would have no effect, and a learner would see zeros.
     #[test]
     fn numbers_for_the_enemies_and_a_learner_who_gives_them_come_together() {
-        let both = Sides::Both(crate::EnemySide::default());
+        let both = Sides::Both;
         let check = |text: &str, sides| {
             text.parse::<Opponents>().unwrap().check(sides).map_err(|error| error.to_string())
         };
@@ -390,7 +392,7 @@ mod tests {
         }
         assert!(check("learner=1,kite=3", Sides::Allies).unwrap_err().contains("needs sides `both`"));
         let error = check("hold,kite=2", both).unwrap_err();
-        assert!(error.contains("needs opponent `learner`"), "{error}");
+        assert!(error.contains("must include `learner`"), "{error}");
         assert!(error.contains("got `kite=2,hold=1`"), "{error}");
     }
 }

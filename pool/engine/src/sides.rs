@@ -5,8 +5,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 use smaclite_scenarios::{Faction, Scenario};
 
-/// Which sides of a battle a joint action plays. As JSON `"allies"`, or
-/// `{"both": {"mirror": true, "zero_sum": false}}`.
+/// Which sides of a battle a joint action plays.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Sides {
@@ -14,81 +13,43 @@ pub enum Sides {
     #[default]
     Allies,
     /// The agents and the enemies.
-    Both(EnemySide),
+    Both,
+    /// Both, and what the enemies see and do is reflected at the centre of the map: north is south, and east
+    /// is west. So what plays the agents of a symmetric scenario can play its enemies. Half a turn is what
+    /// maps agents to enemies: formations are placed so, but for rules `starcraft`, and collision avoidance
+    /// has no other symmetry.
+    Mirrored,
 }
 
-/// What enemies that are played by joint actions see, do and earn.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-pub struct EnemySide {
-    /// What they see and do is reflected at the centre of the map: north is south, and east is west. So what
-    /// plays the agents of a symmetric scenario can play its enemies. Half a turn is what maps agents to
-    /// enemies: formations are placed so, but for rules `starcraft`, and collision avoidance has no other
-    /// symmetry.
-    pub mirror: bool,
-    /// The reward of each side is what it earns less what the other side earns.
-    pub zero_sum: bool,
-}
+smaclite_units::keywords!(Sides, "sides", "allies" => Allies, "both" => Both, "mirrored" => Mirrored);
 
-/// Sides that no lane has.
+/// Both sides of a scenario whose interface has agents alone.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum SidesError {
-    /// A name of no sides.
-    #[error("sides must be `allies` or `both`, got `{0}`")]
-    Unknown(String),
-    /// An option of enemies that a script plays.
-    #[error("mirror and zero_sum are options of sides `both`, but sides are `allies`")]
-    OneSide,
-    /// Enemies of a scenario whose interface has agents alone.
-    #[error("sides must be `allies` in a scenario with the key `smacv2`: its interface is that of agents")]
-    Smacv2,
-}
+#[error("sides must be `allies` in a scenario with the key `smacv2`: its interface is that of agents")]
+pub struct SidesError;
 
 impl Sides {
-    /// Both, where the enemies see the map as what was trained as allies does: a team that plays them.
-    pub const MIRRORED: Sides = Sides::Both(EnemySide { mirror: true, zero_sum: false });
-
-    /// The sides of this name, `allies` or `both`.
-    ///
-    /// # Errors
-    /// For another name, and if `enemies` is not the default for `allies`.
-    pub fn new(name: &str, enemies: EnemySide) -> Result<Sides, SidesError> {
-        match name {
-            "both" => Ok(Sides::Both(enemies)),
-            "allies" if enemies == EnemySide::default() => Ok(Sides::Allies),
-            "allies" => Err(SidesError::OneSide),
-            other => Err(SidesError::Unknown(other.to_owned())),
-        }
-    }
-
     /// Checks that battles of a scenario can have these sides.
     ///
     /// # Errors
     /// If they are both, and the scenario has SMACv2's interface.
     pub fn check(self, scenario: &Scenario) -> Result<(), SidesError> {
-        match scenario.smacv2 {
-            Some(_) if self.are_both() => Err(SidesError::Smacv2),
-            _ => Ok(()),
-        }
+        if self.are_both() && scenario.smacv2.is_some() { Err(SidesError) } else { Ok(()) }
     }
 
-    /// Their name.
-    pub const fn name(self) -> &'static str {
-        if self.are_both() { "both" } else { "allies" }
-    }
-
-    /// Whether these are both.
+    /// Whether actions play both, mirrored or not.
     pub const fn are_both(self) -> bool {
-        matches!(self, Sides::Both(_))
+        !matches!(self, Sides::Allies)
+    }
+
+    /// Whether what the enemies see and do is reflected.
+    pub const fn are_mirrored(self) -> bool {
+        matches!(self, Sides::Mirrored)
     }
 
     /// Whether this is the default.
     pub fn is_default(&self) -> bool {
         *self == Sides::Allies
-    }
-
-    /// What the enemies see is reflected.
-    pub(crate) const fn mirror(self) -> bool {
-        matches!(self, Sides::Both(EnemySide { mirror: true, .. }))
     }
 }
 
@@ -140,12 +101,14 @@ mod tests {
 
     #[test]
     fn both_sides_need_an_interface_that_both_have() {
-        let both = Sides::Both(EnemySide::default());
         let scenario = |name| Scenario::standard(name).unwrap();
-        assert_eq!(both.check(&scenario("2s3z")), Ok(()));
-        assert_eq!(both.check(&scenario("terran_5_vs_5")), Err(SidesError::Smacv2));
+        for both in [Sides::Both, Sides::Mirrored] {
+            assert_eq!(both.check(&scenario("2s3z")), Ok(()));
+            assert_eq!(both.check(&scenario("terran_5_vs_5")), Err(SidesError));
+            assert!(!both.is_default());
+        }
         assert_eq!(Sides::Allies.check(&scenario("terran_5_vs_5")), Ok(()));
-        assert!(Sides::Allies.is_default() && !both.is_default());
+        assert!(Sides::Allies.is_default());
     }
 
     #[test]

@@ -4,7 +4,7 @@ use crate::protocol::Source;
 use crate::source::{SourceError, setup_of, source_of};
 use serde_json::{Value, json};
 use smaclite_engine::{
-    Arena, BattleSetup, EnemySide, Opponent, Opponents, OpponentsError, Sides, SnapshotError, UnknownRules,
+    Arena, BattleSetup, Opponent, Opponents, OpponentsError, Sides, SnapshotError, UnknownRules,
 };
 use smaclite_scenarios::{Placement, Problems, Scenario};
 use smaclite_units::{Keyword, Plane};
@@ -72,8 +72,7 @@ impl Game {
             if own.files.scenario().is_ok_and(|scenario| scenario.smacv2.is_some()) {
                 return Err(GameError::Smacv2);
             }
-            let mirrored = Sides::Both(EnemySide { mirror: true, zero_sum: false });
-            return Game::of_setup(setup.with_sides(mirrored), own, seed);
+            return Game::of_setup(setup.with_sides(Sides::Mirrored), own, seed);
         }
         let opponents = match &opponent[..] {
             "" => setup.opponents.clone(),

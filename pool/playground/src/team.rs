@@ -90,10 +90,8 @@ impl Team {
         let Some(config) = run.config else {
             return Err(TeamError::Run { name, error: Error::missing_field("config") });
         };
-        let setup = match run.setup.sides {
-            Sides::Allies => run.setup,
-            Sides::Both(_) => run.setup.with_sides(Sides::Allies), // it plays the agents here
-        };
+        let plays_both = run.setup.sides.are_both(); // it plays the agents here
+        let setup = if plays_both { run.setup.with_sides(Sides::Allies) } else { run.setup };
         let (scenario, arena) = match setup.arena() {
             Ok(pair) => pair,
             Err(error) => return Err(TeamError::Scenario { name, error }),

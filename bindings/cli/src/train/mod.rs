@@ -331,8 +331,8 @@ impl Train {
         if of_pool.sides.are_both() {
             return Err(format!(
                 "learners or a trained team play the enemies in pool `{pool}`, but `train --pool` trains \
-                 agents whose enemies are played by scripts; serve it without `--sides both` and without \
-                 a team, or train with --opponent self or the team, and without --pool"
+                 agents whose enemies are played by scripts; serve it with `--sides allies` and without a \
+                 team, or train with --opponent self or the team, and without --pool"
             )
             .into());
         }

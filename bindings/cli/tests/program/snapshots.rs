@@ -2,7 +2,7 @@
 
 use crate::kit::{Place, output};
 use smaclite_engine::{
-    Arena, Battle, Column, EnemySide, Opponent, RecordLayout, RecordSizes, Rules, Scratch, Sides, policy,
+    Arena, Battle, Column, Opponent, RecordLayout, RecordSizes, Rules, Scratch, Sides, policy,
 };
 use smaclite_scenarios::Scenario;
 use smaclite_view::Replay;
@@ -70,7 +70,7 @@ fn the_snapshot_of_a_scenario_file_names_it() {
     folder.fails("show mine.json --scenario 3m", 1, "--scenario is for snapshots");
     output(folder, "record mine.json --from a.snapshot --out a.smreplay");
     // Of both sides: the error was that of the first standard scenario which has agents alone.
-    let arena = Arena::new(&scenario, Rules::default()).with_sides(Sides::MIRRORED);
+    let arena = Arena::new(&scenario, Rules::default()).with_sides(Sides::Mirrored);
     folder.write("b.snapshot", Battle::new(Arc::new(arena), 7).record());
     folder.fails("show b.snapshot", 1, "`b.snapshot` is of no standard scenario: column 'scenario' is 0x");
     output(folder, "show b.snapshot --scenario mine.json");
@@ -152,7 +152,7 @@ fn episodes_begin_in_a_snapshot() {
 fn a_battle_of_two_learners_is_shown_and_goes_on_against_a_script() {
     let folder = &Place::new();
     let scenario = standard("corridor");
-    let arena = Arena::new(&scenario, Rules::Paper).with_sides(Sides::Both(EnemySide::default()));
+    let arena = Arena::new(&scenario, Rules::Paper).with_sides(Sides::Both);
     let mut battle = Battle::new(Arc::new(arena), 3);
     let stop = vec![1; scenario.units.len()];
     battle.step(&stop, &mut Scratch::new()).expect("all can stop");

@@ -5,7 +5,7 @@ mod damage;
 
 use super::*;
 use smaclite_engine::policy::Tactic;
-use smaclite_engine::{Battle, EnemySide, EpisodeLimit, Faction, Rules, Scratch, Sides};
+use smaclite_engine::{Battle, EpisodeLimit, Faction, Rules, Scratch, Sides};
 use smaclite_learn::{Config, EvaluationRow, Lanes, Run, Summary, Weights, resolve_scenario};
 use smaclite_scenarios::ScenarioFiles;
 
@@ -139,7 +139,7 @@ fn the_card_counts_what_was_played() {
 fn battles_that_do_not_end_or_have_two_players_are_refused() {
     let Source::Script { setup, tactic } = script("3m", 60) else { unreachable!() };
     let endless = BattleSetup { episode_limit: EpisodeLimit::None, ..setup.clone() };
-    let both = setup.with_sides(Sides::Both(EnemySide { mirror: false, zero_sum: false }));
+    let both = setup.with_sides(Sides::Both);
     for (setup, expected) in [(endless, "must have an episode limit"), (both, "both sides")] {
         let source = Source::Script { setup, tactic };
         let error = record(source, Amount::Episodes(1), 1).unwrap_err().to_string();

@@ -1,7 +1,7 @@
 //! Which of some players can meet: who has the agents, who has the enemies, and in which arena.
 
 use super::TournamentError;
-use smaclite_engine::{Arena, BattleSetup, EnemySide, Faction, Sides};
+use smaclite_engine::{Arena, BattleSetup, Faction, Sides};
 use smaclite_learn::battles::{Pairing, Player};
 use smaclite_scenarios::Scenario;
 use std::sync::Arc;
@@ -23,7 +23,7 @@ pub(super) fn pairings(setup: &BattleSetup, players: &[Player]) -> Result<Vec<Pa
 
 /// A team has the sizes of the agents, so it can play the enemies only if theirs are the same.
 pub(crate) fn check_team(scenario: &Scenario, arena: &Arena) -> Result<(), TournamentError> {
-    Sides::Both(EnemySide::default()).check(scenario)?;
+    Sides::Both.check(scenario)?;
     let [agents, enemies] = [Faction::Ally, Faction::Enemy].map(|faction| arena.sizes_of(faction));
     if agents == enemies {
         return Ok(());
@@ -54,10 +54,7 @@ impl Arenas<'_> {
                 let scenario = self.scenario.exchanged().turned();
                 Some((self.arena(&scenario).with_opponents((*march).into()), true))
             }
-            (_, Player::Team(_)) => {
-                let sides = Sides::Both(EnemySide { mirror: true, zero_sum: false });
-                Some((self.arena(&self.scenario).with_sides(sides), false))
-            }
+            (_, Player::Team(_)) => Some((self.arena(&self.scenario).with_sides(Sides::Mirrored), false)),
             (_, script) => Some((self.arena(&self.scenario).with_opponents(script.opponent().into()), false)),
         }
     }

@@ -2,7 +2,7 @@
 
 use super::{ConfigError, ensure};
 use serde::{Deserialize, Serialize};
-use smaclite_engine::{BattleSetup, EnemySide, Opponent, Opponents, Sides};
+use smaclite_engine::{BattleSetup, Opponent, Opponents, Sides};
 use std::path::{Path, PathBuf};
 
 /// Who plays the enemies.
@@ -34,7 +34,7 @@ pub struct SelfPlay {
     pub league_every: u64,
     /// Most copies that are drawn from, 0 to 64.
     pub league_size: usize,
-    /// The reward of each side is what it earns less what the other side earns.
+    /// A side learns from what it earns less what the other side earns. Returns are what it earns.
     #[serde(default)] // as runs that do not say it
     pub zero_sum: bool,
 }
@@ -72,13 +72,12 @@ impl Enemies {
     /// The setup of the lanes of a run: where a team plays the enemies, they are played by joint actions and
     /// see a mirror image, so that what was trained as allies can play them.
     pub fn setup(&self, setup: &BattleSetup) -> BattleSetup {
-        let (share, zero_sum) = match *self {
+        let share = match *self {
             Enemies::Scripts => return setup.clone(),
-            Enemies::Team { .. } => (0.0, false),
-            Enemies::SelfPlay(SelfPlay { script_share, zero_sum, .. }) => (script_share, zero_sum),
+            Enemies::Team { .. } => 0.0,
+            Enemies::SelfPlay(SelfPlay { script_share, .. }) => script_share,
         };
-        let both = Sides::Both(EnemySide { mirror: true, zero_sum });
-        let mut setup = setup.clone().with_sides(both);
+        let mut setup = setup.clone().with_sides(Sides::Mirrored);
         let weights = [(Opponent::Learner.name(), 1.0 - share), (Opponent::AttackMove.name(), share)];
         // A share of 0 is no opponent.
         if let Ok(mixture) = Opponents::new(weights.into_iter().filter(|(_, weight)| *weight > 0.0)) {
@@ -124,8 +123,7 @@ mod tests {
         let check = |enemies: Enemies, opponents: &str| {
             let of_lanes = enemies.setup(&setup);
             assert_eq!(of_lanes.opponents.to_string(), opponents);
-            let mirrored = Sides::Both(EnemySide { mirror: true, zero_sum: false });
-            assert_eq!(of_lanes.sides, mirrored);
+            assert_eq!(of_lanes.sides, Sides::Mirrored);
         };
         check(Enemies::Team { folder: "runs/3m".into() }, "learner");
         check(Enemies::SelfPlay(SelfPlay::ALONE), "learner");

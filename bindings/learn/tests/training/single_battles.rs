@@ -2,7 +2,7 @@
 
 use crate::kit::{Place, complete, evaluation};
 use crate::maps::{begin, setups};
-use smaclite_engine::{Battle, EnemySide, Rules, Scratch, Sides};
+use smaclite_engine::{Battle, Rules, Scratch, Sides};
 use smaclite_learn::{Config, EvaluationEvent, NetworkKind, TrainedTeam, evaluate, resolve_scenario};
 use smaclite_scenarios::Faction;
 use std::sync::Arc;
@@ -55,7 +55,7 @@ fn a_team_plays_enemies_that_are_like_its_agents() {
     train(&place, "3m", NetworkKind::Flat);
     let player = TrainedTeam::open(&place.path("run")).unwrap();
     let arena = |name: &str| {
-        let sides = Sides::Both(EnemySide { mirror: true, zero_sum: false });
+        let sides = Sides::Mirrored;
         resolve_scenario(name, Rules::Smaclite).unwrap().with_sides(sides).arena().unwrap().1
     };
     assert_eq!(player.check(&arena("3m"), Faction::Enemy), Ok(()));

@@ -78,8 +78,7 @@ def make(options: ppo.Options, num_envs: int) -> Any:
         num_envs // 2,
         threads=threads,
         obs_last_actions=own_actions,
-        sides="both",
-        mirror=True,
+        sides="mirrored",
         episode_limit=ppo.limit_of(options.scenario),
     )
     return Sides(envs)

@@ -50,10 +50,10 @@ SINGLE_BATTLE_FIELDS = (*OBSERVATION_KEYS.values(), *INFO_FIELDS, *ENEMY_FIELDS,
 
 def check_one_side(envs: Envs) -> Envs:
     """The environments, if a script plays their enemies. Raises InvalidRequest if actions play them, too."""
-    if envs.spec.sides == "both":
+    if envs.spec.sides != "allies":
         raise InvalidRequest(
-            "sides must be 'allies' here, got 'both'; smaclite_pool.make, PettingZoo, RLlib, TorchRL and the "
-            "EnvPool API play both sides"
+            f"sides must be 'allies' here, got '{envs.spec.sides}'; smaclite_pool.make, PettingZoo, RLlib, "
+            "TorchRL and the EnvPool API play both sides"
         )
     return envs
 
@@ -313,7 +313,7 @@ class SingleBattle:
         self._limit_ends = limit_ends(self.envs)
         spec = self.envs.spec
         self.agents = [f"agent_{agent}" for agent in range(spec.n_agents)]
-        if spec.sides == "both":
+        if spec.sides != "allies":
             self.agents += [f"enemy_{enemy}" for enemy in range(spec.n_enemies)]
         self._next_seed: int | None = None
         self._last: TimeStep | None = None

@@ -156,7 +156,7 @@ class PoolEnv(EnvBase):
         self.render_mode = render_mode
         self._viewer = LaneViewer(envs, render_mode, render_speed, renderer)
         self.group_map = {"agents": [f"agent_{agent}" for agent in range(envs.spec.n_agents)]}
-        if envs.spec.sides == "both":
+        if envs.spec.sides != "allies":
             self.group_map["enemies"] = [f"enemy_{enemy}" for enemy in range(envs.spec.n_enemies)]
         self._next_seed: int | None = None
         self._snapshots: torch.Tensor | None = None
@@ -165,7 +165,7 @@ class PoolEnv(EnvBase):
     @staticmethod
     def _check(envs: Envs) -> None:
         require_synchronous(envs, "TorchRL", "Disabled")
-        of_enemies = ENEMY_FIELDS if envs.spec.sides == "both" else ()
+        of_enemies = ENEMY_FIELDS if envs.spec.sides != "allies" else ()
         require_fields(envs, "TorchRL", [*OBSERVATION_KEYS.values(), *of_enemies])
 
     def _make_specs(self) -> None:

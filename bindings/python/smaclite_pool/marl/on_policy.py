@@ -86,8 +86,7 @@ class ShareVecEnv:
         scenario: a standard scenario or the path of a scenario file.
         num_envs: number of environments (B).
         seed: environment i is seeded with seed + i; None for a random seed.
-        threads, episode_limit, rules, opponent, rewards, max_held_batches, record: as in
-            `smaclite_pool.make`.
+        threads, episode_limit, rules, opponent, rewards, max_held_batches: as in `smaclite_pool.make`.
 
     Raises InvalidRequest, ScenarioError and StartError.
     """
@@ -106,7 +105,6 @@ class ShareVecEnv:
         opponent: str | Mapping[str, float] | None = None,
         rewards: dict[str, Any] | None = None,
         max_held_batches: int = 4,
-        record: str | PathLike[str] | None = None,
     ) -> None:
         self._serve(
             make(
@@ -120,7 +118,6 @@ class ShareVecEnv:
                 opponent=opponent,
                 rewards=rewards,
                 max_held_batches=max_held_batches,
-                record=record,
             )
         )
 

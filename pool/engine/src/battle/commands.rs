@@ -40,7 +40,9 @@ impl Battle {
             Opponent::AttackMove => self.march(scratch, |_| arena.attack_point),
             Opponent::AttackNearest => self.march(scratch, |id| self.nearest_agent(id)),
             Opponent::Scripted(tactic) => self.play_tactic(tactic, scratch),
-            Opponent::Learner => self.play_actions(Faction::Enemy, arena.sides().mirror(), scratch),
+            Opponent::Learner => {
+                self.play_actions(Faction::Enemy, arena.sides().are_mirrored(), scratch);
+            }
         }
     }
 

@@ -146,7 +146,7 @@ impl Battle {
             return self.enemy_available.withdraw();
         }
         self.enemy_available.update(&self.arena, &self.units, &self.tables);
-        if self.arena.sides().mirror() {
+        if self.arena.sides().are_mirrored() {
             self.enemy_available.mirror();
         }
     }

@@ -115,7 +115,7 @@ impl Battle {
     }
 
     /// The features of a unit as a side sees it, by battle-wide id: those in [the state](Self::write_state),
-    /// if that is the side of the agents; without the [mirror](crate::EnemySide) of the enemies' fields.
+    /// if that is the side of the agents; without the [mirror](crate::Sides::Mirrored) of the enemies' fields.
     ///
     /// # Panics
     /// If there is no such unit.
@@ -148,7 +148,7 @@ impl Battle {
             tables: &self.tables,
             available: self.available_of(side),
             faction: side,
-            mirror: side == Faction::Enemy && self.arena.sides().mirror(),
+            mirror: side == Faction::Enemy && self.arena.sides().are_mirrored(),
         }
     }
 

@@ -6,7 +6,6 @@ use super::Battle;
 use crate::KILL_REWARD;
 use crate::buffers::refill;
 use crate::rewards::{End, Points, divide, scaled};
-use crate::sides::{EnemySide, Sides};
 use crate::tick::{Earned, TickScratch};
 
 impl Battle {
@@ -66,12 +65,8 @@ impl Battle {
 
     /// The rewards of the agents and of the enemies by SMAClite's rules; keeps the shares.
     pub(super) fn rewards(&mut self, earned: Earned, scratch: &TickScratch) -> [f64; 2] {
-        let mut rewards = [(Faction::Ally, earned.allies), (Faction::Enemy, earned.enemies)]
+        let rewards = [(Faction::Ally, earned.allies), (Faction::Enemy, earned.enemies)]
             .map(|(side, earned)| self.reward_of(side, earned, scratch));
-        let of_sides = rewards;
-        if let Sides::Both(EnemySide { zero_sum: true, .. }) = self.arena.sides() {
-            rewards = [of_sides[0] - of_sides[1], of_sides[1] - of_sides[0]];
-        }
         if self.shares.is_some() {
             for side in [Faction::Ally, Faction::Enemy] {
                 let greatest = self.arena.max_reward_of(side);

@@ -120,7 +120,7 @@ impl Situation for BattleSide<'_> {
 
     fn features(&self, id: u32) -> UnitFeatures {
         let features = self.battle.unit_features(id, self.side);
-        let is_mirrored = self.side == Faction::Enemy && self.arena().sides().mirror();
+        let is_mirrored = self.side == Faction::Enemy && self.arena().sides().are_mirrored();
         let sign = if is_mirrored { -1.0 } else { 1.0 };
         UnitFeatures { x: sign * features.x, y: sign * features.y, ..features }
     }

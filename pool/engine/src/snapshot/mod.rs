@@ -222,7 +222,7 @@ pub enum SnapshotError {
         n_opponents: usize,
     },
     /// Enemies that joint actions play, where these play the agents alone.
-    #[error("in the snapshot a learner plays the enemies, which needs sides `both`")]
+    #[error("in the snapshot a learner plays the enemies, which needs sides `both` or `mirrored`")]
     OneSide,
     /// A word of what agents perceived that no battle has.
     #[error("snapshot column 'perception' has {0}")]

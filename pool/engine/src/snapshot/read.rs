@@ -215,7 +215,7 @@ impl NeighbourOrder {
 /// The action of a unit with the directions of the map, of one with those that its side sees; and the other
 /// way round. Records are the same whatever enemies see.
 pub(super) fn in_battle(arena: &Arena, place: usize, action: i32) -> i32 {
-    let is_reflected = place >= arena.agents.len() && arena.sides().mirror();
+    let is_reflected = place >= arena.agents.len() && arena.sides().are_mirrored();
     if is_reflected && action >= 0 { action::mirrored(action as usize) as i32 } else { action }
 }
 
