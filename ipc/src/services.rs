@@ -19,6 +19,7 @@ use iceoryx2::port::publisher::Publisher;
 use iceoryx2::port::subscriber::{Subscriber, SubscriberCreateError};
 use iceoryx2::prelude::*;
 use iceoryx2::sample::Sample;
+use iceoryx2::sample_mut::SampleMut;
 use iceoryx2::sample_mut_uninit::SampleMutUninit;
 use iceoryx2::service::port_factory::{event, publish_subscribe};
 use smaclite_pool::layout::Layout;
@@ -31,6 +32,7 @@ pub(crate) type FrameLoan = SampleMutUninit<Ipc, [MaybeUninit<u8>], FrameHeader>
 pub(crate) type FramePublisher = Publisher<Ipc, [u8], FrameHeader>;
 pub(crate) type FrameSubscriber = Subscriber<Ipc, [u8], FrameHeader>;
 pub(crate) type FrameSample = Sample<Ipc, [u8], FrameHeader>;
+pub(crate) type RequestLoan = SampleMut<Ipc, [u8], RequestHeader>;
 pub(crate) type RequestPublisher = Publisher<Ipc, [u8], RequestHeader>;
 pub(crate) type RequestSubscriber = Subscriber<Ipc, [u8], RequestHeader>;
 pub(crate) type IpcListener = Listener<Ipc>;

@@ -40,12 +40,14 @@ pub(crate) struct Frames<O: Outlet> {
     /// Reserved for the report that the lane failed, whose cause may be that no frame is free. Renewed for
     /// the next session.
     spare: Option<O::Loan>,
+    /// The next frame of a synchronous lane, loaned while the learner reads the one before.
+    next: Option<O::Loan>,
 }
 
 impl<O: Outlet> Frames<O> {
     pub(crate) fn new(mut outlet: O, slots: usize) -> Result<Self, TransportError> {
         let spare = Some(outlet.loan()?);
-        Ok(Frames { outlet, slots, open: VecDeque::new(), opened: 0, epoch: None, spare })
+        Ok(Frames { outlet, slots, open: VecDeque::new(), opened: 0, epoch: None, spare, next: None })
     }
 
     /// Until the next epoch begins, results belong to an earlier session and get no slots.
@@ -98,9 +100,15 @@ impl<O: Outlet> Frames<O> {
         self.open.remove(index).is_some_and(|frame| self.publish(frame))
     }
 
-    /// Takes all slots of the frame of a synchronous lane as written, of which one is open.
-    pub(crate) fn complete_all(&mut self) -> bool {
-        self.open.pop_front().is_some_and(|frame| self.publish(frame))
+    /// Takes all slots of the frame of a synchronous lane as written, of which one is open. With `is_local`
+    /// this may be the learner's thread, for which to loan the next one now saves no time; and later it is
+    /// the one that is still in this core's cache.
+    pub(crate) fn complete_all(&mut self, is_local: bool) -> bool {
+        let published = self.open.pop_front().is_some_and(|frame| self.publish(frame));
+        if !is_local {
+            self.next = self.outlet.loan().ok();
+        }
+        published
     }
 
     fn publish(&mut self, frame: OpenFrame<O::Loan>) -> bool {
@@ -144,7 +152,7 @@ impl<O: Outlet> Frames<O> {
     }
 
     fn open_frame(&mut self) -> Result<usize, TransportError> {
-        let mut loan = self.outlet.loan()?;
+        let mut loan = self.next.take().map_or_else(|| self.outlet.loan(), Ok)?;
         let memory = FrameMemory::new(O::payload(&mut loan));
         let number = FrameNumber(self.opened);
         self.opened += 1;
@@ -216,6 +224,23 @@ mod tests {
         let claims = [(); 3].map(|()| frames.claim().unwrap().unwrap());
         assert_eq!(claims.map(|claim| frames.complete(claim)), [false, false, true]);
         assert_eq!(*memories.published.lock().unwrap(), [FrameContent::Batch]);
+    }
+
+    /// The memory of a lane has room for one frame that is filled, one for a rejection, and the spare one.
+    #[test]
+    fn the_next_frame_is_loaned_in_advance_for_a_learner_in_another_process() {
+        let memories = Memories::default();
+        let lent = || memories.lent.load(Relaxed);
+        let mut frames = Frames::new(memories.clone(), 2).unwrap();
+        frames.begin_epoch(Epoch { session: SessionId(1), reset: Some(RequestNumber(1)) });
+        let spare = lent();
+        for is_local in [false, false, true, true] {
+            frames.claim().unwrap();
+            assert_eq!(lent(), spare + 1, "one is filled, and no other loaned");
+            assert!(frames.complete_all(is_local));
+            assert_eq!(lent(), spare + usize::from(!is_local), "the published one is the learner's");
+        }
+        assert_eq!(memories.published.lock().unwrap().len(), 4);
     }
 
     #[test]

@@ -355,7 +355,7 @@ impl<T: Transport> Lane<T> {
             // The environments are idle before the frame is sent, so that the learner's next request finds
             // them so; and a request that is accepted in between can send nothing before this frame.
             self.group.end_all();
-            if frames.complete_all() {
+            if frames.complete_all(self.is_local()) {
                 lock(&self.stats).frames += 1;
             }
         }

@@ -94,6 +94,7 @@ impl Client {
         let ports = ports.map_err(|error| control.cause_of(error))?;
         connect_ports(&mut control, ports.numbers(), wait)?;
         let lane = AttachedLane {
+            next_request: None,
             local: None,
             ports,
             control,

@@ -22,6 +22,7 @@ use crate::control::client::ControlClient;
 use crate::control::protocol::LaneDescription;
 use crate::folder_use::FolderUse;
 use crate::process_owned::ProcessOwned;
+use crate::services::RequestLoan;
 use crate::transport::Iceoryx;
 use crate::wait_options::WaitOptions;
 use attach::Ports;
@@ -99,6 +100,8 @@ impl fmt::Debug for Client {
 /// Dropped in this order: the ports before the control connection, so that the supervisor notices the end
 /// when everything else is given back.
 struct AttachedLane {
+    /// Memory of a step as long as the last one, loaned while the pool carries that out.
+    next_request: Option<RequestLoan>,
     /// Of a learner in the process of its pool.
     local: Option<LocalLearner<Iceoryx>>,
     ports: Ports,

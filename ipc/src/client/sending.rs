@@ -158,7 +158,7 @@ impl AttachedLane {
 
     /// Sends a request to another process.
     fn send_message(
-        &self,
+        &mut self,
         number: RequestNumber,
         kind: RequestKind,
         ids: &[i32],
@@ -166,26 +166,30 @@ impl AttachedLane {
         wait: &mut WaitOptions<'_>,
     ) -> Result<(), ClientError> {
         let header = RequestHeader::new(&self.layout, self.session, number, kind, ids.len());
-        let mut full_queue = None;
-        while !self.try_send(&header, ids, body, request_bytes(&self.layout, kind, ids.len()))? {
+        let (bytes, mut full_queue) = (request_bytes(&self.layout, kind, ids.len()), None);
+        while !self.try_send(&header, ids, body, bytes)? {
             if !self.control.is_alive() {
                 return Err(self.pool_died());
             }
             full_queue.get_or_insert_with(|| FullQueue::new(wait.timeout)).wait(wait)?;
+        }
+        if kind == RequestKind::Step {
+            self.next_request = self.ports.requests.loan_slice(bytes).ok();
         }
         Ok(())
     }
 
     /// Writes the request into shared memory and sends it; `false` if the supervisor's queue is full.
     fn try_send(
-        &self,
+        &mut self,
         header: &RequestHeader,
         ids: &[i32],
         body: &[u8],
         bytes: usize,
     ) -> Result<bool, ClientError> {
-        let mut sample =
-            self.ports.requests.loan_slice(bytes).map_err(doing("loaning memory for a request"))?;
+        let loaned = self.next_request.take().filter(|loan| loan.payload().len() == bytes);
+        let sample = loaned.map_or_else(|| self.ports.requests.loan_slice(bytes), Ok);
+        let mut sample = sample.map_err(doing("loaning memory for a request"))?;
         *sample.user_header_mut() = *header;
         let payload = sample.payload_mut();
         payload[..size_of_val(ids)].copy_from_slice(bytemuck::cast_slice(ids));
