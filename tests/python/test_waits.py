@@ -177,20 +177,22 @@ def test_a_signal_takes_no_batch(batch_size: int, alarm: Ring) -> None:
         assert is_interrupted, "no signal came before a batch"
         assert done == set(range(512))
         if batch_size == 512:
-            # A step takes much longer, and its actions are sent long before that.
+            lengths: set[int] = set()
             for _ in range(20):
                 envs.reset()
-                is_interrupted = interrupts(alarm, lambda: envs.step(actions), 0.005)
-                if is_interrupted:
+                if not interrupts(alarm, lambda: envs.step(actions), 0.005):
+                    continue
+                # A learner that goes on with a step gets the batch of that step.
+                try:
+                    batch = envs.step(envs.sample_actions())
+                except sp.errors.InvalidRequest:  # the wait ended before the batch was there
+                    envs.recv(timeout=10)
+                    batch = envs.step(envs.sample_actions())
+                lengths = set(batch.episode_length.tolist())
+                # On such a machine the signal may also come before the first step was sent.
+                if lengths != {1}:
                     break
-            assert is_interrupted, "no signal came before the end of a step"
-            # A learner that goes on with a step gets the batch of that step.
-            try:
-                batch = envs.step(envs.sample_actions())
-            except sp.errors.InvalidRequest:  # the wait ended before the batch was there
-                envs.recv(timeout=10)
-                batch = envs.step(envs.sample_actions())
-            assert set(batch.episode_length.tolist()) == {2}
+            assert lengths == {2}
 
 
 STOPPED_CALLS = """
