@@ -185,6 +185,24 @@ mod tests {
         assert_eq!(rollout.policy_rows(&rollout.samples()), [0]);
     }
 
+    /// In each step the rewards of the allies of all environments precede those of their enemies.
+    #[test]
+    fn zero_sum_rewards_are_what_a_side_earned_less_what_the_other_did() {
+        for zero_sum in [false, true] {
+            let enemies = Enemies::SelfPlay(SelfPlay { zero_sum, ..SelfPlay::ALONE });
+            let config = Config { horizon: 2, num_envs: 3, enemies, ..Config::for_agents(3) };
+            let mut rollout = Rollout::new(&config, Sizes { n_agents: 1, ..Sizes::default() });
+            let earned = [9., 9., 9., 9., 9., 9., 1., 2., 3., 4., 8., 2.5];
+            rollout.rewards.copy_from_slice(&earned);
+            rollout.balance_rewards(1, 0..2);
+            let mut expected = earned;
+            if zero_sum {
+                (expected[6], expected[9], expected[7], expected[10]) = (-3., 3., -6., 6.);
+            }
+            assert_eq!(rollout.rewards, expected);
+        }
+    }
+
     /// The steps of an environment count once, whoever learns from them.
     #[test]
     fn enemies_have_seats_behind_those_of_allies() {

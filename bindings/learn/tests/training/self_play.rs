@@ -57,6 +57,20 @@ fn a_team_that_plays_itself_learns_from_both_sides() {
 }
 
 #[test]
+fn zero_sum_rewards_change_what_is_learnt_and_not_what_is_played_first() {
+    let place = Place::new();
+    let [plain, zero_sum] = [false, true].map(|zero_sum| {
+        let enemies = Enemies::SelfPlay(SelfPlay { zero_sum, ..SelfPlay::ALONE });
+        place.train(&zero_sum.to_string(), &Config { steps: 3 * 158, ..against(enemies) }, 1);
+        place.outcome(&zero_sum.to_string())
+    });
+    assert_ne!(plain.0, zero_sum.0, "weights");
+    let first_row =
+        |(_, log): &(Vec<u8>, Vec<String>)| log[1].split(',').take(6).collect::<Vec<_>>().join(",");
+    assert_eq!(first_row(&plain), first_row(&zero_sum));
+}
+
+#[test]
 fn a_team_trains_against_a_trained_team_and_is_evaluated_against_it() {
     let place = Place::new();
     place.train("first", &Config { seed: 1, steps: 45_000, last_actions: 0, ..Config::for_agents(3) }, 2);
