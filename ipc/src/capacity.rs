@@ -44,10 +44,10 @@ impl Capacity {
     ) -> Capacity {
         let LaneSettings { num_envs, batch_size, .. } = *settings;
         let synchronous = settings.is_synchronous();
-        // A synchronous lane opens a frame, or loans it in advance, when no thread writes to the one before. In
-        // an asynchronous one the thread that opens a frame writes to no other, and each of the rest may write
-        // to a frame of an earlier session, or to the last slot of a full one. One more is for a rejection,
-        // and one is kept back to report a failure.
+        // A synchronous lane opens a frame, or loans it in advance, when no thread writes to the one before.
+        // In an asynchronous one the thread that opens a frame writes to no other, and each of the rest may
+        // write to a frame of an earlier session, or to the last slot of a full one. One more is for a
+        // rejection, and one is kept back to report a failure.
         let writing = if synchronous { 1 } else { threads.min(num_envs) + 1 };
         Capacity {
             max_held_batches,

@@ -115,7 +115,7 @@ impl Battle {
     }
 
     /// The features of a unit as a side sees it, by battle-wide id: those in [the state](Self::write_state),
-    /// if that is the side of the agents; without the [mirror](crate::Sides::Mirrored) of the enemies' fields.
+    /// if that is the side of the agents; the enemies' are not [mirrored](crate::Sides::Mirrored) here.
     ///
     /// # Panics
     /// If there is no such unit.
