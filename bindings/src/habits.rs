@@ -53,6 +53,7 @@ const TABLE: &[Row] = &[
         "use `rewards`, a dictionary of such options"),
     (Place::Make, &["capability_config", "team_gen", "unit_types", "n_units"],
         "use `teams` and `start_positions`, or smaclite_pool.marl.smacv2, which takes `capability_config`"),
+    (Place::Make, &["record", "replay_dir", "replay_prefix"], "smaclite_pool.Recorder writes replays"),
     (Place::Make, &["render_mode"], "`envs.render()` returns pictures without one"),
     (Place::Make, &["env_type", "vectorization_mode", "gym_reset_return_info"],
         "leave it out; the modules of smaclite_pool.integrations have the interfaces of other packages"),
