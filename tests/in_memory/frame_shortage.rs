@@ -8,20 +8,24 @@ use smaclite_tests::in_memory::InMemory;
 
 const N: usize = 4;
 
-/// A lane with one worker after its first reset, and legal actions for all environments.
-fn reset_lane(batch_size: usize) -> (Pool<InMemory>, Learner, Vec<i32>) {
+/// A lane with one worker, after a reset, that has no frame, and legal actions for all environments.
+fn lane_without_frames(batch_size: usize) -> (Pool<InMemory>, Learner, Vec<i32>) {
     let (pool, mut learner) = start_one(1, &LanePlan { batch_size, ..LanePlan::toy(N) });
     learner.send_reset_all(None);
-    let actions = legal_actions(&learner.rows_of_all());
-    (pool, learner, actions)
+    let mut rows = learner.rows_of_all();
+    if batch_size == N {
+        rows = learner.begin_shortage_of_all(&legal_actions(&rows));
+    } else {
+        learner.set_shortage(true);
+    }
+    (pool, learner, legal_actions(&rows))
 }
 
 /// The report needs a frame too: without one the lane failed silently, and its learner waited without end.
 #[test]
 fn a_lane_that_fails_because_it_has_no_frame_reports_it() {
     for batch_size in [N, 1] {
-        let (pool, mut learner, legal) = reset_lane(batch_size);
-        learner.set_shortage(true);
+        let (pool, mut learner, legal) = lane_without_frames(batch_size);
         learner.send_step(&all(N), &legal);
         let rejection = learner.frame().rejection();
         let is_reported =
@@ -34,8 +38,7 @@ fn a_lane_that_fails_because_it_has_no_frame_reports_it() {
 /// The learner must get an answer also if its request was rejected and the rejection cannot be sent.
 #[test]
 fn a_lane_that_has_no_frame_for_a_rejection_fails_and_reports_it() {
-    let (_pool, mut learner, _) = reset_lane(N);
-    learner.set_shortage(true);
+    let (_pool, mut learner, _) = lane_without_frames(N);
     learner.send_step(&all(N), &[-1; 2 * N]);
     let rejection = learner.frame().rejection();
     assert!(matches!(&rejection, Some((0, Rejection::LaneFailed { .. }))), "{rejection:?}");
@@ -44,8 +47,7 @@ fn a_lane_that_has_no_frame_for_a_rejection_fails_and_reports_it() {
 #[test]
 fn a_lane_continues_when_a_frame_is_free_again() {
     for batch_size in [N, 1] {
-        let (_pool, mut learner, legal) = reset_lane(batch_size);
-        learner.set_shortage(true);
+        let (_pool, mut learner, legal) = lane_without_frames(batch_size);
         learner.send_step(&all(N), &legal);
         learner.wait_for_shortage();
         learner.set_shortage(false);
@@ -61,8 +63,7 @@ fn a_lane_continues_when_a_frame_is_free_again() {
 fn the_session_of_a_lane_that_waits_for_a_frame_can_be_changed() {
     for batch_size in [N, 1] {
         for is_legal in [true, false] {
-            let (pool, mut learner, legal) = reset_lane(batch_size);
-            learner.set_shortage(true);
+            let (pool, mut learner, legal) = lane_without_frames(batch_size);
             let actions = if is_legal { legal } else { vec![-1; 2 * N] };
             learner.send_step(&all(N), &actions);
             learner.wait_for_shortage();

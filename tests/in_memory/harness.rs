@@ -148,6 +148,20 @@ impl Learner {
         self.side.shortage.on.store(on, Ordering::SeqCst);
     }
 
+    /// Withholds the frames of an idle synchronous lane, also the one that it loaned ahead: in that comes
+    /// the result of a step.
+    pub fn begin_shortage_of_all(&mut self, actions: &[i32]) -> Vec<Row> {
+        let spare_and_next = 2;
+        let has_both = || self.side.shortage.lent.load(Ordering::SeqCst) == spare_and_next;
+        wait_until("the lane loans a frame ahead", has_both);
+        self.set_shortage(true);
+        self.send_step(&all(self.num_envs), actions);
+        let rows = self.rows_of_all();
+        self.wait_for_shortage();
+        self.side.shortage.refused.store(0, Ordering::SeqCst);
+        rows
+    }
+
     /// Waits until a worker did not get a frame.
     pub fn wait_for_shortage(&self) {
         wait_until("a worker asks for a frame", || self.side.shortage.refused.load(Ordering::SeqCst) > 0);

@@ -93,6 +93,8 @@ pub struct Shortage {
     pub on: AtomicBool,
     /// How many requests for a frame were refused.
     pub refused: AtomicUsize,
+    /// How many frames the lane has, because they were lent and not published.
+    pub lent: AtomicUsize,
 }
 
 /// A lane's frames.
@@ -113,6 +115,7 @@ unsafe impl Outlet for MemoryOutlet {
             self.shortage.refused.fetch_add(1, Ordering::SeqCst);
             return Err(TransportError("all frames are in use".into()));
         }
+        self.shortage.lent.fetch_add(1, Ordering::SeqCst);
         Ok(FrameMemory::new(self.len))
     }
 
@@ -121,6 +124,7 @@ unsafe impl Outlet for MemoryOutlet {
     }
 
     fn publish(&mut self, memory: FrameMemory, epoch: Option<Epoch>, content: FrameContent) {
+        self.shortage.lent.fetch_sub(1, Ordering::SeqCst);
         let _ = self.frames.send(Frame { memory, epoch, content }); // a learner that is gone does not read it
     }
 }
