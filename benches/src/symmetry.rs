@@ -92,10 +92,8 @@ fn is_symmetric(scenario: &Scenario) -> bool {
 }
 
 fn play(scenario: &Scenario, mut policy: Scripted, games: &Games) -> Result<Outcomes, IllegalAction> {
-    let arena = |scenario: &Scenario| {
-        let sides = Sides::Mirrored;
-        Arc::new(Arena::new(scenario, Rules::default()).with_sides(sides))
-    };
+    let arena =
+        |scenario: &Scenario| Arc::new(Arena::new(scenario, Rules::default()).with_sides(Sides::Mirrored));
     let (common, mut shifts) = (arena(scenario), Generator::new(games.seed));
     let (mut outcomes, mut scratch) = (Outcomes::default(), Scratch::new());
     for i in 0..games.episodes.get() {

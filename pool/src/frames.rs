@@ -105,7 +105,7 @@ impl<O: Outlet> Frames<O> {
     /// the one that is still in this core's cache.
     pub(crate) fn complete_all(&mut self, is_local: bool) -> bool {
         let published = self.open.pop_front().is_some_and(|frame| self.publish(frame));
-        if !is_local {
+        if !is_local && self.next.is_none() {
             self.next = self.outlet.loan().ok();
         }
         published

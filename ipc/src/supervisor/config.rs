@@ -237,8 +237,7 @@ mod tests {
             let team = EnemyTeam { name: "team".to_owned(), last_actions, make: Arc::new(|| unreachable!()) };
             LaneConfig { team: Some(team), ..LaneConfig::new("lane", setup, 2) }
         };
-        let unmirrored = Sides::Both;
-        for sides in [Sides::default(), unmirrored] {
+        for sides in [Sides::Allies, Sides::Both] {
             assert!(
                 refused(lane(sides, 1), 1).starts_with("lane `lane`: a team plays the enemies of mirrored")
             );

@@ -203,8 +203,8 @@ mod tests {
         assert_eq!(setup("8m").differences(&expected), "scenario or unit types");
         let rules = BattleSetup { rules: Rules::Paper, ..setup("3m") };
         assert_eq!(rules.differences(&expected), "rules (paper instead of smaclite)");
-        let both = Sides::Both;
-        let given = BattleSetup { episode_limit: EpisodeLimit::Steps(7), ..setup("3m").with_sides(both) };
+        let both = setup("3m").with_sides(Sides::Both);
+        let given = BattleSetup { episode_limit: EpisodeLimit::Steps(7), ..both };
         let words = "episode limit (7 instead of the scenario's), \
                      opponents (learner instead of attack_move), \
                      sides (both instead of allies)";

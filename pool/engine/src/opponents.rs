@@ -383,15 +383,16 @@ mod tests {
     /// With a script alone, the numbers for the enemies would have no effect, and a learner would see zeros.
     #[test]
     fn numbers_for_the_enemies_and_a_learner_who_gives_them_come_together() {
-        let both = Sides::Both;
         let check = |text: &str, sides| {
             text.parse::<Opponents>().unwrap().check(sides).map_err(|error| error.to_string())
         };
-        for (text, sides) in [("kite", Sides::Allies), ("learner", both), ("learner=1,kite=3", both)] {
+        for (text, sides) in
+            [("kite", Sides::Allies), ("learner", Sides::Both), ("learner=1,kite=3", Sides::Both)]
+        {
             assert_eq!(check(text, sides), Ok(()), "{text}");
         }
         assert!(check("learner=1,kite=3", Sides::Allies).unwrap_err().contains("needs sides `both`"));
-        let error = check("hold,kite=2", both).unwrap_err();
+        let error = check("hold,kite=2", Sides::Both).unwrap_err();
         assert!(error.contains("must include `learner`"), "{error}");
         assert!(error.contains("got `kite=2,hold=1`"), "{error}");
     }

@@ -57,17 +57,15 @@ fn a_team_that_plays_itself_learns_from_both_sides() {
 }
 
 #[test]
-fn zero_sum_rewards_change_what_is_learnt_and_not_what_is_played_first() {
+fn zero_sum_rewards_change_what_is_learnt() {
     let place = Place::new();
     let [plain, zero_sum] = [false, true].map(|zero_sum| {
         let enemies = Enemies::SelfPlay(SelfPlay { zero_sum, ..SelfPlay::ALONE });
         place.train(&zero_sum.to_string(), &Config { steps: 3 * 158, ..against(enemies) }, 1);
-        place.outcome(&zero_sum.to_string())
+        let (weights, _) = place.outcome(&zero_sum.to_string());
+        weights
     });
-    assert_ne!(plain.0, zero_sum.0, "weights");
-    let first_row =
-        |(_, log): &(Vec<u8>, Vec<String>)| log[1].split(',').take(6).collect::<Vec<_>>().join(",");
-    assert_eq!(first_row(&plain), first_row(&zero_sum));
+    assert_ne!(plain, zero_sum);
 }
 
 #[test]

@@ -55,8 +55,7 @@ fn a_team_plays_enemies_that_are_like_its_agents() {
     train(&place, "3m", NetworkKind::Flat);
     let player = TrainedTeam::open(&place.path("run")).unwrap();
     let arena = |name: &str| {
-        let sides = Sides::Mirrored;
-        resolve_scenario(name, Rules::Smaclite).unwrap().with_sides(sides).arena().unwrap().1
+        resolve_scenario(name, Rules::Smaclite).unwrap().with_sides(Sides::Mirrored).arena().unwrap().1
     };
     assert_eq!(player.check(&arena("3m"), Faction::Enemy), Ok(()));
     let error = player.check(&arena("5m_vs_6m"), Faction::Enemy).unwrap_err().to_string();
